@@ -6,7 +6,7 @@ import json
 import re
 import subprocess
 
-from haff.command import executable
+from haff.command.call import executable
 
 # The order of a scene file; other sections follow.
 SECTIONS = ("domain", "species", "initial", "particle", "contact", "wall", "pendulum", "spring", "rod", "engine", "run")

@@ -5,7 +5,7 @@ mod common;
 use std::process::Stdio;
 
 use common::{GAS, Haff, PROMISED, config, root};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 #[test]
 fn every_command_has_help_with_an_example() {
@@ -578,4 +578,46 @@ fn an_unsuitable_search_has_exit_status_2() {
     let report =
         haff.report(&["run", &scene, "--set", "engine.neighbors=\"windows\"", "--set", "run.until=0.5"]);
     assert_eq!(report["stopped"], "until");
+}
+
+#[test]
+fn a_command_without_a_result_says_why_as_json() {
+    let folder = Haff::new();
+    let scene = config("cooling.toml");
+    let arguments =
+        ["run", &scene, "--json", "--quiet", "--set", "contact.restitution=1.2", "--set", "run.untl=1"];
+    let (status, printed, errors) = folder.run(&arguments);
+    let told: Value = serde_json::from_str(&printed).unwrap();
+    assert_eq!((status, &told["exit"]), (2, &json!(2)));
+    assert_eq!(told["error"].as_str().unwrap().lines().count(), 2);
+    assert!(errors.contains("error: --set contact.restitution=1.2: must be in [0, 1]"), "{errors}");
+    let [value, unknown] = told["problems"].as_array().unwrap().as_slice() else { panic!("{told}") };
+    assert_eq!((&value["code"], &value["key"]), (&json!("value"), &json!("contact.restitution")));
+    assert_eq!((&value["set"], &value["allowed"]), (&json!("contact.restitution"), &json!("in [0, 1]")));
+    assert_eq!((&unknown["code"], &unknown["meant"]), (&json!("unknown_key"), &json!(["run.until"])));
+    for words in [["info", "none.h5"], ["check", "none.toml"]] {
+        let (status, printed, _) = folder.run(&[words[0], words[1], "--json"]);
+        let told: Value = serde_json::from_str(&printed).unwrap();
+        assert_eq!((status, &told["exit"]), (4, &json!(4)), "{told}");
+    }
+}
+
+#[test]
+fn messages_name_arguments_of_python_if_they_are_for_it() {
+    let folder = Haff::new();
+    let scene = config("textbook/direct_impact.toml");
+    let say = |arguments: &[&str]| {
+        let done = folder.command(arguments).env("HAFF_WORDS", "python").output().unwrap();
+        String::from_utf8(done.stderr).unwrap()
+    };
+    assert_eq!(say(&["run", &scene, "-o", "a.h5", "--quiet"]), "");
+    assert!(say(&["run", &scene, "-o", "a.h5"]).contains("allow it to be overwritten (overwrite=True)"));
+    assert!(say(&["run", &scene, "-o", &scene, "--overwrite"]).contains("name another file (file=…)"));
+    assert!(
+        say(&["run", "a.h5"]).contains("it is not text; if it is the output of a run: haff.resume(\"a.h5\")")
+    );
+    assert!(say(&["sweep", &scene, "-o", "s"]).contains("nothing to vary: give values, {KEY: [V1, V2, …]}"));
+    assert!(
+        say(&["run", &scene, "--set", "run.until=no"]).starts_with("error: run.until=no: must be a number")
+    );
 }

@@ -71,6 +71,20 @@ pub enum Command {
     Completions(Completions),
 }
 
+impl Command {
+    /// Whether results are wanted as JSON.
+    pub fn is_json(&self) -> bool {
+        match self {
+            Self::Run(options) => options.json,
+            Self::Check(options) => options.json,
+            Self::Info(options) => options.json,
+            Self::Bench(options) => options.json,
+            Self::Sweep(options) => options.json,
+            _ => false,
+        }
+    }
+}
+
 // One bool for each switch of the command line.
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug, Args)]

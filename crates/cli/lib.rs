@@ -55,6 +55,7 @@ pub fn main_with(plugins: Plugins) -> ExitCode {
     }
     let arguments = arguments::parse();
     log::start(arguments.verbose);
+    let json = arguments.command.is_json();
     let result = match arguments.command {
         Command::Run(options) => run::run(&options, arguments.verbose > 0),
         Command::Check(options) => check::check(&options, arguments.verbose > 0),
@@ -72,6 +73,10 @@ pub fn main_with(plugins: Plugins) -> ExitCode {
     match result {
         Ok(code) => ExitCode::from(code),
         Err(failure) => {
+            if json && !output::has_begun() && failure.status != Status::Unread {
+                // A second error, of standard output, would hide the first one.
+                let _ = output::line(failure.json());
+            }
             for line in failure.message.lines() {
                 output::message(format_args!("error: {line}"));
             }

@@ -26,6 +26,9 @@ from typing import TYPE_CHECKING, Any
 # need all of them. Type checkers and editors read the imports below, Python the table `_HOME`; a test compares them.
 if TYPE_CHECKING:
     from . import analysis, mechanics, theory
+    from .command.plotting import plot
+    from .command.runs import Result, resume, run
+    from .command.sweeps import sweep
     from .errors import (
         ArgumentError,
         FileError,
@@ -39,15 +42,12 @@ if TYPE_CHECKING:
         SimulationError,
         UnknownNameError,
     )
-    from .events import Events
-    from .frames import Box, Frame, Frames, Shear
-    from .plotting import plot
+    from .files.events import Events
+    from .files.frames import Box, Frame, Frames, Shear
+    from .live.simulation import Simulation
     from .reader import File, open
     from .restitution import restitution_from
-    from .runs import Result, resume, run
     from .scenes import load_scene, save_scene, schema, template, templates, validate
-    from .simulation import Simulation
-    from .sweeps import sweep
     from .viewer import view
 
     __version__: str
@@ -104,15 +104,15 @@ _HOME = {
         "SimulationError",
         "UnknownNameError",
     ),
-    "events": ("Events",),
-    "frames": ("Box", "Frame", "Frames", "Shear"),
-    "plotting": ("plot",),
+    "files.events": ("Events",),
+    "files.frames": ("Box", "Frame", "Frames", "Shear"),
+    "command.plotting": ("plot",),
     "reader": ("File", "open"),
     "restitution": ("restitution_from",),
-    "runs": ("Result", "resume", "run"),
+    "command.runs": ("Result", "resume", "run"),
     "scenes": ("load_scene", "save_scene", "schema", "template", "templates", "validate"),
-    "simulation": ("Simulation",),
-    "sweeps": ("sweep",),
+    "live.simulation": ("Simulation",),
+    "command.sweeps": ("sweep",),
     "viewer": ("view",),
 }
 """Module of each name of :data:`__all__` that is not a module itself."""

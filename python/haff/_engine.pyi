@@ -1,4 +1,4 @@
-"""The compiled part of the package; the public interface is in :mod:`haff.scenes` and :mod:`haff.simulation`."""
+"""The compiled part of the package; the public interface is in :mod:`haff.scenes` and :mod:`haff.live.simulation`."""
 
 from typing import Any, TypedDict, final
 

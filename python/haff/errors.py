@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from .text import escaped
 
@@ -90,6 +91,21 @@ class SceneProblem:
     """The value, as TOML."""
     message: str = ""
     """What is wrong, and what is allowed."""
+    code: str = "conflict"
+    """Class of the error: ``syntax`` (no TOML), ``unreadable`` and ``not_text`` (the file), ``unknown_key``,
+    ``missing`` (a key that is needed), ``type``, ``value`` (not allowed), ``conflict`` (with other keys, the particles
+    or a state)."""
+    allowed: str | None = None
+    """What is allowed, where that can be said of the value alone: ``in [0, 1]``; for an unknown key the known ones."""
+    meant: tuple[str, ...] = ()
+    """Dotted paths of the keys that an unknown one may stand for."""
+    set: str | None = None
+    """Dotted path of the keyword that the error is in; ``None`` if it is in the scene."""
+
+    @classmethod
+    def of(cls, fields: Mapping[str, Any]) -> SceneProblem:
+        """A problem as the command and the compiled module describe it."""
+        return cls(**{**fields, "meant": tuple(fields["meant"])})
 
     def __str__(self) -> str:
         return self.text

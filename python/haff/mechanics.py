@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import arguments
+from .common import arguments
 from .errors import ArgumentError
 from .text import quoted
 

@@ -17,18 +17,19 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import arguments, measurements, observables
-from .column import LARGEST, SMALLEST, Column
-from .conversions import Unwrapping
+from .common import arguments
+from .common.notebook import table
+from .common.output import library
+from .common.readonly import ReadOnly
 from .errors import ArgumentError, FileError, HaffError, MissingDataError, NotApplicableError
-from .events import Events
-from .frames import Box, Frames, Shear, not_triangular
-from .layout import AXES, SCHEMA, Array
-from .notebook import table
-from .output import library
-from .readonly import ReadOnly
-from .recorded import SceneFault, packing_fraction, parsed
-from .stored import Stored, reason
+from .files import measure, samples
+from .files.column import LARGEST, SMALLEST, Column
+from .files.conversions import Unwrapping
+from .files.events import Events
+from .files.frames import Box, Frames, Shear, not_triangular
+from .files.layout import AXES, SCHEMA, Array
+from .files.scene import SceneFault, packing_fraction, parsed
+from .files.stored import Stored, reason
 from .text import brief, escaped, quoted
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ class File(ReadOnly):
             return bool(self.stored.members(str(part)))
         try:
             if part == "observables":
-                return bool(observables.names(self))
+                return bool(samples.names(self))
             return part in ("frames", "events") and getattr(self, str(part)) is not None
         except MissingDataError:
             return False
@@ -154,7 +155,7 @@ class File(ReadOnly):
             if part not in self:
                 text = "not recorded"
             elif part == "observables":
-                text = f"{observables.count(self):,} samples of {escaped(', '.join(observables.names(self)))}"
+                text = f"{samples.count(self):,} samples of {escaped(', '.join(samples.names(self)))}"
             else:
                 text = repr(getattr(self, part))[1:-1].split(": ", 1)[1]
             found.append((part, text))
@@ -348,12 +349,14 @@ class File(ReadOnly):
         given = self.scene.get("domain", {}).get("shear")
         if given is None:
             return None
-        flow, gradient = AXES.index(given["flow"]), AXES.index(given["gradient"])
-        for key, axis in (("flow", flow), ("gradient", gradient)):
-            if axis >= self.dimension:
+        known = AXES[: self.dimension]
+        for key in ("flow", "gradient"):
+            if given[key] not in known:
+                allowed = "x or y" if self.dimension == 2 else "x, y or z"
                 raise self.stored.wrong(
-                    "parameters/scene", f"domain.shear.{key} = {quoted(given[key])}: must be x or y"
+                    "parameters/scene", f"domain.shear.{key} = {quoted(given[key])}: must be {allowed}"
                 )
+        flow, gradient = known.index(given["flow"]), known.index(given["gradient"])
         if flow == gradient:
             raise self.stored.wrong(
                 "parameters/scene",
@@ -414,16 +417,16 @@ class File(ReadOnly):
         (``species_temperature_grain``). Raises :class:`MissingDataError` if the scene recorded none.
         :attr:`samples` has the same as arrays, :meth:`to_xarray` keeps vectors whole.
         """
-        return observables.table(self)
+        return samples.table(self)
 
     @cached_property
     def samples(self) -> dict[str, Array]:
         """The samples as arrays ``[S]`` by name, those of :attr:`observables`; needs no pandas."""
-        return observables.samples(self)
+        return samples.by_name(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """The observables as a dataset with dimensions ``time``, ``axis`` and ``species``."""
-        return observables.dataset(self)
+        return samples.dataset(self)
 
     @cached_property
     def profiles(self) -> dict[str, xarray.Dataset]:
@@ -434,7 +437,7 @@ class File(ReadOnly):
         in ``attrs["units"]``. A row is the mean over the interval that ends at its time; a cell without particles has
         no velocity and no temperature, NaN. Raises :class:`MissingDataError` if the scene measured none.
         """
-        return measurements.profiles(self)
+        return measure.profiles(self)
 
     @cached_property
     def correlations(self) -> dict[str, xarray.Dataset]:
@@ -445,7 +448,7 @@ class File(ReadOnly):
         none. :func:`haff.analysis.self_diffusion` and :func:`haff.analysis.shear_viscosity` take coefficients of
         transport from them.
         """
-        return measurements.correlations(self)
+        return measure.correlations(self)
 
     def to_mdanalysis(self, unwrapped: bool = False) -> MDAnalysis.Universe:
         """The trajectory as an MDAnalysis universe; needs ``pip install haff[analysis]``.
@@ -473,7 +476,7 @@ class File(ReadOnly):
         if unwrapped:
             positions[:1].array("unwrapped")
         if self.stored.find("observables") is not None:
-            observables.columns(self)
+            samples.columns(self)
         self.stored.require_attributes("h5md", "particles")
         universe = mdanalysis.Universe.empty(len(self), trajectory=False, velocities=True)
         try:
@@ -535,7 +538,7 @@ class File(ReadOnly):
             for name in ("collisions", "wall_collisions"):
                 if name in last:
                     found[name] = int(last[name])
-            for name in ("temperature", "rotational_temperature", *observables.ENERGIES, *observables.balance(self)):
+            for name in ("temperature", "rotational_temperature", *samples.ENERGIES, *samples.balance(self)):
                 if name in last:
                     found[name] = float(last[name])
             if "ledger_residual" in self.samples:

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import curve_fit
 from uncertainties import nominal_value, std_dev, ufloat, wrap
 
-from . import arguments, measured, mechanics
-from .analysis import Estimate
+from . import mechanics
+from .analysis import Estimate, experiment
+from .common import arguments
 from .errors import ArgumentError, FileError, MissingDataError, NotApplicableError
-from .layout import computing
+from .files.layout import computing
 from .reader import File
 from .reader import open as open_file
 from .text import brief, quoted
@@ -222,9 +223,9 @@ class _Way(NamedTuple):
 
 
 _WAYS = {
-    "heights": _Way(("height",), 2, measured.heights, _heights),
-    "times": _Way(("time",), 3, measured.times, _times),
-    "angles": _Way(("alpha", "beta"), 1, measured.angles, _angles),
+    "heights": _Way(("height",), 2, experiment.heights, _heights),
+    "times": _Way(("time",), 3, experiment.times, _times),
+    "angles": _Way(("alpha", "beta"), 1, experiment.angles, _angles),
 }
 
 

@@ -27,7 +27,7 @@ import numpy as np
 
 import haff
 from haff import analysis, scenes
-from haff.__main__ import _FORMATS, _KINDS, _TABLES, main
+from haff.command.main import _FORMATS, _KINDS, _TABLES, main
 from haff.figures import movie, snapshot
 from haff.figures.style import _RC
 

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 import haff
-from haff.__main__ import main
+from haff.command.main import main
 from patience import HANGS
 
 SCRIPTS = Path(haff.__file__).parent / "viewer"

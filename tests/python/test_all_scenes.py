@@ -12,10 +12,11 @@ import pytest
 import forms
 import haff
 from conftest import CONFIGS
-from haff import figures, measurements, viewer
+from haff import figures, viewer
 from haff.errors import MissingDataError, NotApplicableError
 from haff.export import FORMATS, TABLES, export
-from haff.recorded import _SCENE, _Value
+from haff.files import measure
+from haff.files.scene import SceneFault, parsed
 from validation.runs import toml
 
 if sys.version_info >= (3, 11):
@@ -85,7 +86,7 @@ def read(path: Path, folder: Path) -> list[str]:
             assert len(run.events.to_pandas()) == len(run.events)
         for part, found in (("profiles", "profiles"), ("correlations", "correlations")):
             assert part not in run or getattr(run, found)
-        assert "correlations" not in run or measurements.correlation_columns(run)
+        assert "correlations" not in run or measure.correlation_columns(run)
         for kind in figures.KINDS:
             try:
                 figures.KINDS[kind].draw(run)
@@ -166,17 +167,50 @@ def test_scenes_of_these_tests_have_every_form_of_every_key():
     assert not missing, f"no scene has {missing}"
 
 
-def test_keys_that_python_checks_are_those_of_the_schema():
-    """Each key that `haff.recorded` checks is one of the schema, and values of every shipped scene pass."""
-    allowed = {path for path, _ in forms.forms_of(haff.schema())}
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_scenes_pass_the_check_of_recorded_ones(path):
+    text = path.read_text()
+    assert parsed(text) == tomllib.loads(text)
 
-    def paths(wanted, path=""):
-        if isinstance(wanted, _Value):
-            yield path
-        elif isinstance(wanted, list):
-            yield from paths(wanted[0], f"{path}[]")
-        else:
-            for key, inner in wanted.items():
-                yield from paths(inner, f"{path}.{key.rstrip('!')}".lstrip("."))
 
-    assert not set(paths(_SCENE)) - allowed
+def test_scenes_of_later_versions_and_plug_ins_are_read():
+    text = """
+        newer = 1
+        [contact]
+        restitution = { model = "delta", parameters = { added = 0.1 } }
+        [[drive]]
+        kind = "wind"
+        strength = 1
+        [[species]]
+        name = "a"
+        count = 1e3
+        mass = inf
+    """
+    assert parsed(text)["drive"][0]["kind"] == "wind"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("contact.restitution = 1.2", "contact.restitution = 1.2: must be a number in [0, 1] or a table"),
+        ("contact.tc = -1", "contact.tc = -1: must be a number, 0 or more"),
+        ("contact.tc = nan", "contact.tc = nan: must be a number of up to 1e+100"),
+        ("contact.rest_speed = inf", "contact.rest_speed = inf: must be a number of up to 1e+100"),
+        ("domain.gravity = [1, 2, 3, 4]", "domain.gravity = [1, 2, 3, 4]: must be an array of 2 to 3 numbers"),
+        ("domain = 5", "domain = 5: must be a table"),
+        ("domain.shear = { flow = 'x', gradient = 'y' }", "domain.shear.rate is missing"),
+        ("species = 5", "species = 5: must be an array of tables"),
+        ("species = [{ name = 5 }]", "species[0].name = 5: must be text"),
+        ("[[wall]]\nsticks = 1", "wall[0].sticks = 1: must be true or false"),
+        ("[[wall]]\nplane = { point = [0, 0, 0], normal = [0, 0, 0] }",
+         "wall[0].plane.normal = [0, 0, 0]: must be a vector, not all of its numbers 0"),
+        ("contact.restitution = { speeds = [1, 1], values = [0, 1] }",
+         "contact.restitution = {'speeds': [1, 1], 'values': [0, 1]}: must be speeds in ascending order, "
+         "and a value for each"),
+        ("dimension = 4", "dimension = 4: must be a whole number in [2, 3]"),
+    ],
+)  # fmt: skip
+def test_recorded_scenes_that_no_run_has_written_are_refused(text, message):
+    with pytest.raises(SceneFault) as caught:
+        parsed(text)
+    assert str(caught.value) == message

@@ -7,10 +7,11 @@ import pytest
 
 import haff
 import synthetic
-from haff import analysis, conditions, figures, measured, theory
+from haff import analysis, figures, theory
+from haff.analysis import conditions, experiment
+from haff.analysis.phases import phase_note
 from haff.errors import NotApplicableError
 from haff.figures.style import signed
-from haff.phases import phase_note
 
 GAS = {
     "title": "Gas",
@@ -284,7 +285,7 @@ def test_closed_form_of_a_bouncing_ball_has_conditions(tmp_path, keys, why):
         assert "no closed form drawn: " in told and why in told
         if "inclined" not in why:
             with pytest.raises(NotApplicableError):
-                measured.heights(run)
+                experiment.heights(run)
 
 
 def test_a_ball_that_goes_on_from_another_run_has_no_closed_form(command, tmp_path):

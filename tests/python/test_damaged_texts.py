@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from conftest import ROOT
-from haff.source import Source
+from haff.files.source import Source
 
 GAS = ROOT / "tests" / "gas.toml"
 HEAP = re.compile(rb"GCOL\x01\0\0\0")

@@ -10,9 +10,9 @@ import pytest
 
 import haff
 import synthetic
-from haff import selection
-from haff.__main__ import _FORMATS, _TABLES, main
+from haff.command.main import _FORMATS, _TABLES, main
 from haff.export import FORMATS, TABLES
+from haff.files import selection
 
 TRAJECTORIES = [name for name, format in FORMATS.items() if format.trajectory]
 

@@ -16,7 +16,7 @@ from PIL import Image, ImageSequence
 
 import haff
 from haff import figures
-from haff.__main__ import _KINDS, main
+from haff.command.main import _KINDS, main
 from haff.figures import movie, render, trajectories
 
 GAS = {"temperature", "energy", "velocity", "structure", "snapshot", "losses"}
@@ -323,8 +323,8 @@ def test_failing_encoder_is_an_error_of_the_movie(files, tmp_path, monkeypatch, 
 
 
 def test_all_pictures_of_a_movie_show_the_same_region(files):
-    from haff.extent import extent
     from haff.figures import snapshot
+    from haff.files.extent import extent
 
     with haff.open(files["ball"]) as run:
         room = extent(run.frames)

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import haff
-from haff import foreign
 from haff.errors import FileError, SceneError
+from haff.files import foreign
 
 
 def scene(file, **more):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from haff.__main__ import main
+from haff.command.main import main
 from validation.runs import ROOT
 
 GAS = ROOT / "tests" / "gas.toml"

@@ -16,10 +16,10 @@ import pytest
 
 import haff
 from conftest import ROOT
-from haff import handshake
 from haff.errors import FileError, RunningFileError
-from haff.handshake import Count
-from haff.stored import Stored
+from haff.files import handshake
+from haff.files.handshake import Count
+from haff.files.stored import Stored
 
 fcntl = pytest.importorskip("fcntl")
 PLACE = 4096

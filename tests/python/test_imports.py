@@ -49,12 +49,12 @@ def test_import_loads_no_library():
     ids=" ".join,
 )
 def test_help_and_errors_of_arguments_load_no_library(arguments, tmp_path):
-    assert loaded("from haff.__main__ import main; sys.exit(main(sys.argv[1:]))", *arguments) == set()
+    assert loaded("from haff.command.main import main; sys.exit(main(sys.argv[1:]))", *arguments) == set()
 
 
 @pytest.mark.parametrize("kind", ["temperature", "energy", "velocity", "losses", "snapshot"])
 def test_figures_of_a_gas_load_numpy_h5py_and_matplotlib_only(files, kind, tmp_path):
-    code = "from haff.__main__ import main; sys.exit(main(sys.argv[1:]))"
+    code = "from haff.command.main import main; sys.exit(main(sys.argv[1:]))"
     found = loaded(code, "plot", str(files["cooling"]), "--kind", kind, "-o", str(tmp_path))
     assert found == {"numpy", "h5py", "matplotlib"}
     assert (tmp_path / f"cooling-{kind}.png").exists()
@@ -80,7 +80,7 @@ def test_every_name_is_the_one_of_its_module():
     assert dir(haff) == sorted([*haff.__all__, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"])
     assert haff.__version__[0].isdigit()
     # A module does not hide the function of its name.
-    from haff import sweeps
+    from haff.command import sweeps
 
     assert haff.sweep is sweeps.sweep
     assert haff.figures.KINDS

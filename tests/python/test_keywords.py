@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import haff
-from haff.keywords import Given
+from haff.scenes.keywords import Given
 
 GAS = {
     "schema": 1,
@@ -82,10 +82,12 @@ def test_errors_of_scene_files_are_those_of_the_command(tmp_path):
     assert error(path).startswith(f"{path}:") and "did you mean `" in error(path)
 
 
-def told(key: str, message: str, value: object, *, keyword: bool) -> str:
-    """What becomes of an unknown key's error with this message of the reader of scenes."""
-    shown = f"{key}={value}: {message}" if keyword else f"scene: {key} = {value}: {message}"
-    problem = haff.SceneProblem(shown, "scene", None, key, str(value), message)
+def told(key: str, meant: tuple[str, ...], value: object, *, keyword: bool) -> str:
+    """What becomes of the error of an unknown key that may stand for these."""
+    text = f"{key}: unknown key"
+    problem = haff.SceneProblem(
+        text, "scene", None, key, str(value), "unknown key", "unknown_key", "a, b", meant, key if keyword else None
+    )
     scene: dict = {}
     node = scene
     *tables, last = key.split(".")
@@ -94,36 +96,64 @@ def told(key: str, message: str, value: object, *, keyword: bool) -> str:
     node[last] = value
     values = {key: value} if keyword else {}
     given = Given(scene, values, {key: str(value)}, (), haff.schema)
-    return str(given.retold(haff.SceneError([problem])))
+    return given.retold(haff.SceneError([problem])).problems[0].message
 
 
 @pytest.mark.parametrize(
-    ("key", "hint", "keyword", "entry"),
+    ("key", "meant", "keyword", "entry"),
     [
-        ("until", "`run.until`, in [run]", "run__until=3", '"run": {"until": 3}'),
-        ("e", "`contact.restitution`, in [contact]", "contact__restitution=3", '"contact": {"restitution": 3}'),
-        ("contact.e", "`contact.restitution`", "contact__restitution=3", '"contact": {"restitution": 3}'),
-        ("contact.until", "`run.until`, in [run]", "run__until=3", '"run": {"until": 3}'),
-        ("run.title", "`title`, above all tables", "title=3", '"title": 3'),
-        ("count", "`species.count`, in [[species]]", "species__0__count=3", '"species": [{"count": 3}]'),
-        ("species.1.N", "`species.count`", "species__1__count=3", '"species": [{"count": 3}]'),
-        ("run.untl", "`until`", "run__until=3", '"run": {"until": 3}'),
-        ("amplitude", "`wall.motion.amplitude`, in [wall.motion]", "wall__0__motion__amplitude=3",
+        ("until", ("run.until",), "run__until=3", '"run": {"until": 3}'),
+        ("run.title", ("title",), "title=3", '"title": 3'),
+        ("count", ("species.0.count",), "species__0__count=3", '"species": [{"count": 3}]'),
+        ("amplitude", ("wall.0.motion.amplitude",), "wall__0__motion__amplitude=3",
          '"wall": [{"motion": {"amplitude": 3}}]'),
-        ("mass", "`species.mass`, in [[species]] or `particle.mass`, in [[particle]]",
+        ("mass", ("species.0.mass", "particle.0.mass"),
          "species__0__mass=3 or particle__0__mass=3", '"species": [{"mass": 3}] or "particle": [{"mass": 3}]'),
     ],
 )  # fmt: skip
-def test_hints_become_what_to_write(key, hint, keyword, entry):
-    message = f"unknown key; did you mean {hint}? (allowed: a, b)"
-    for form, meant in ((True, keyword), (False, entry)):
-        assert told(key, message, 3, keyword=form).endswith(f": unknown key; did you mean {meant}? (allowed: a, b)")
+def test_keys_that_were_meant_become_what_to_write(key, meant, keyword, entry):
+    for form, written in ((True, keyword), (False, entry)):
+        assert told(key, meant, 3, keyword=form) == f"unknown key; did you mean {written}? (allowed: a, b)"
 
 
 def test_hints_show_long_values_in_part():
-    message = "unknown key; did you mean `run.until`, in [run]? (allowed: a)"
-    text = told("until", message, list(range(1000)), keyword=True)
+    text = told("until", ("run.until",), list(range(1000)), keyword=True)
     assert "run__until=[0, 1, 2" in text and len(text) < 250
+
+
+def test_errors_have_a_class_and_what_is_allowed(tmp_path):
+    cases = {
+        "contact__restitution": (1.2, "value", "in [0, 1]"),
+        "run__until": ("late", "type", "a number"),
+        "run__untl": (1, "unknown_key", None),
+        "domain__size": ([9, 9, 9], "conflict", None),
+    }
+    for of in (haff.Simulation, haff.run, haff.validate):
+        for name, (value, code, allowed) in cases.items():
+            with pytest.raises(haff.SceneError) as caught:
+                of(GAS, **{name: value})
+            problem = next(problem for problem in caught.value.problems if problem.code == code)
+            assert problem.set == name.replace("__", ".") or code == "conflict"
+            assert allowed is None or problem.allowed == allowed
+            assert code != "unknown_key" or (problem.meant == ("run.until",) and "until" in problem.allowed)
+    scene = haff.save_scene(GAS | {"run": {}}, tmp_path / "gas.toml")
+    for of in (haff.run, haff.validate):
+        with pytest.raises(haff.SceneError) as caught:
+            of(scene)
+        assert [problem.code for problem in caught.value.problems] == ["missing"]
+
+
+def test_errors_of_the_command_keep_their_class(tmp_path):
+    """Those of sweeps and of runs that go on come from another process."""
+    with pytest.raises(haff.SceneError) as caught:
+        haff.sweep(GAS, {"contact.restitution": [1.2]}, output=tmp_path / "study")
+    problem = caught.value.problems[0]
+    assert (problem.code, problem.set, problem.allowed) == ("value", "contact.restitution", "in [0, 1]")
+    haff.run(GAS, file=tmp_path / "gas.h5")
+    with pytest.raises(haff.SceneError) as caught:
+        haff.resume(tmp_path / "gas.h5", file=tmp_path / "more.h5", contact__restitution=-1)
+    problem = caught.value.problems[0]
+    assert (problem.code, problem.key, problem.value) == ("value", "contact.restitution", "-1")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 
 import haff
 from haff import figures
-from haff.__main__ import main
+from haff.command.main import main
 
 REFUSED = "exists; --overwrite replaces it\n"
 

@@ -9,9 +9,9 @@ import pytest
 
 import haff
 import synthetic
+from haff.common.output import replacing
 from haff.export import FORMATS
 from haff.figures import movie, save_all
-from haff.output import replacing
 
 
 @pytest.fixture(params=[0o022, 0o007, 0o077], ids=oct)

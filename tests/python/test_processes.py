@@ -180,7 +180,7 @@ def report(path):
     """What the command says of a file."""
     import json
 
-    from haff.command import executable
+    from haff.command.call import executable
 
     told = subprocess.run([executable(), "info", "--json", path], capture_output=True, text=True, check=True)
     return json.loads(told.stdout)

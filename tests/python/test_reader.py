@@ -7,7 +7,8 @@ import pytest
 
 import haff
 import synthetic
-from haff import figures, measured
+from haff import figures
+from haff.analysis import experiment
 
 
 def test_open_returns_the_written_data(files):
@@ -184,9 +185,9 @@ def test_a_wall_of_the_box_with_properties_of_its_own_is_read(command, tmp_path)
     with command.run("thermal_walls", run__until=20.0).open() as run:
         assert [wall["name"] for wall in run.scene["wall"]] == ["x-", "x+"]
         assert run.box.boundary == ("wall", "periodic", "periodic")
-        assert measured.count_walls(run) == 2
-        assert measured.plane(run, 1)[0][0] == 40.0
-        assert measured.wall_restitution(run, "atom", 1) == 1.0
+        assert experiment.count_walls(run) == 2
+        assert experiment.plane(run, 1)[0][0] == 40.0
+        assert experiment.wall_restitution(run, "atom", 1) == 1.0
         drawn = {result.kind: result.path for result in figures.save_all(run, ["snapshot", "energy"], tmp_path)}
         assert all(path.stat().st_size > 10_000 for path in drawn.values())
         haff.view(run, tmp_path / "gas.html")

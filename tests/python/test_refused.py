@@ -13,7 +13,7 @@ import pytest
 import haff
 import synthetic
 from haff import analysis
-from haff.__main__ import main
+from haff.command.main import main
 
 pytestmark = pytest.mark.usefixtures("bounded")
 
@@ -279,7 +279,7 @@ def test_tables_and_manifests_are_read_or_refused(content, suffix, tmp_path):
 
 
 def test_error_of_a_series_missing_in_a_sweep_file_names_it(path):
-    from haff.sweeps import _series
+    from haff.command.sweeps import _series
 
     rows = [{"index": 0, "file": path.name, "status": "complete"}]
     assert list(_series(rows, path.parent, ["temperature"])) == ["temperature"]

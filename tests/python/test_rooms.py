@@ -88,3 +88,31 @@ def test_no_modules_of_the_package_import_each_other_in_a_circle():
     found = imports()
     assert len(found) > 50
     assert not [[str(file.relative_to(ROOT / "python")) for file in circle] for circle in circles(found)]
+
+
+# From the ground up; a file beside the rooms is one of its own. `__init__` hands names on, when they are used.
+LOWER = "text errors common theory mechanics files analysis export figures reader restitution".split()
+PACKAGE = [*LOWER, *"viewer scenes command live __main__ __init__".split()]
+
+
+def test_no_room_of_the_package_imports_a_higher_one():
+    package = ROOT / "python" / "haff"
+
+    def room(file):
+        return file.relative_to(package).with_suffix("").parts[0]
+
+    found = imports()
+    assert {room(file) for file in package.rglob("*.py")} == {*PACKAGE}
+    higher = [
+        f"{file.relative_to(package)} imports {other.relative_to(package)}"
+        for file, others in found.items()
+        for other in others
+        if PACKAGE.index(room(other)) > PACKAGE.index(room(file)) and others[other] != {"_engine"}
+    ]
+    assert not higher
+
+
+@pytest.mark.parametrize("room", [name for name in PACKAGE if (ROOT / "python" / "haff" / name).is_dir()])
+def test_each_room_of_the_package_opens_with_what_it_is(room):
+    text = (ROOT / "python" / "haff" / room / "__init__.py").read_text()
+    assert re.match(r'r?"""[^"]{60}', text)

@@ -18,7 +18,7 @@ import pytest
 
 import haff
 from conftest import ROOT, executable
-from haff.handshake import Count
+from haff.files.handshake import Count
 
 GAS = ROOT / "tests" / "gas.toml"
 

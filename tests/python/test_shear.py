@@ -12,8 +12,9 @@ import pytest
 
 import haff
 import synthetic
-from haff import analysis, figures, foreign
+from haff import analysis, figures
 from haff.errors import FileError, MissingDataError, NotApplicableError, SceneError
+from haff.files import foreign
 from haff.scenes import recorded_state
 from validation import audit
 

@@ -7,7 +7,7 @@ from scipy import optimize, special
 
 import haff
 from haff import analysis, figures, theory
-from haff.__main__ import main
+from haff.command.main import main
 from haff.figures import snapshot
 from haff.figures.style import RED
 from haff.theory import shear

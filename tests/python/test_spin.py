@@ -12,7 +12,7 @@ import pytest
 import haff
 import synthetic
 from haff import analysis, figures, mechanics, theory
-from haff.__main__ import main
+from haff.command.main import main
 from haff.figures import trajectories
 from validation import audit
 
@@ -153,7 +153,7 @@ def test_spins_that_no_run_can_have_written_are_refused(place, value, read, mess
         ("tangential_restitution = 1.5", r"contact.tangential_restitution = 1.5: must be a number in \[-1, 1\]"),
         ('tangential_restitution = "x"', "contact.tangential_restitution = 'x': must be a number"),
         ("friction = -0.1", "contact.friction = -0.1: must be a number, 0 or more"),
-        ("friction = nan", "contact.friction = nan: must be a number, 0 or more"),
+        ("friction = nan", "contact.friction = nan: must be a number of up to 1e\\+100"),
         ("friction = inf", None),
     ],
 )
@@ -179,19 +179,21 @@ def test_laws_of_smooth_contacts_are_not_applied_to_rough_ones(files):
 
 
 def test_roughness_of_a_pair_beats_that_of_the_wall_which_beats_the_general_one(files):
-    from haff import measured
+    from haff.analysis import experiment
 
     with haff.open(files["impacts"]) as run:
-        assert measured.roughness(run, "ball", "stone") == (0.4, np.inf)
-        assert measured.wall_roughness(run, "stone", 0) == (0.2, 0.15)
+        assert experiment.roughness(run, "ball", "stone") == (0.4, np.inf)
+        assert experiment.wall_roughness(run, "stone", 0) == (0.2, 0.15)
         run.scene["contact"]["pair"] = [
             {"between": ["floor", "stone"], "friction": 0.5},
             {"between": ["ball", "stone"], "tangential_restitution": -1.0},
         ]
-        assert measured.wall_roughness(run, "stone", 0) == (0.2, 0.5)
-        assert measured.wall_roughness(run, "ball", 0) == (0.2, 0.15)
-        assert measured.roughness(run, "stone", "ball") == (-1.0, np.inf)
-        assert measured.restitution(run, "stone", "ball") == 0.8 and measured.wall_restitution(run, "stone", 0) == 0.6
+        assert experiment.wall_roughness(run, "stone", 0) == (0.2, 0.5)
+        assert experiment.wall_roughness(run, "ball", 0) == (0.2, 0.15)
+        assert experiment.roughness(run, "stone", "ball") == (-1.0, np.inf)
+        assert (
+            experiment.restitution(run, "stone", "ball") == 0.8 and experiment.wall_restitution(run, "stone", 0) == 0.6
+        )
 
 
 def test_closed_form_of_an_impact_has_its_spins(files):

@@ -14,7 +14,7 @@ import pytest
 import haff
 import synthetic
 from haff import analysis, figures
-from haff.__main__ import _BY_NAME, main
+from haff.command.main import _BY_NAME, main
 from haff.errors import NotApplicableError
 from haff.figures import structure
 from patience import HANGS

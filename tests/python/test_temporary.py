@@ -12,7 +12,7 @@ import tempfile
 import pytest
 
 import haff
-from haff.temporary import TemporaryFolder
+from haff.common.temporary import TemporaryFolder
 
 SHORT = {"run__until": 0.5}
 
@@ -102,7 +102,7 @@ def test_failed_runs_leave_nothing(empty, tmp_path):
 def test_folder_is_removed_when_python_ends_but_not_by_a_fork(tmp_path):
     program = """
 import os
-from haff.temporary import TemporaryFolder
+from haff.common.temporary import TemporaryFolder
 folder = TemporaryFolder()
 if os.fork() == 0:
     del folder

@@ -15,7 +15,7 @@ import pytest
 import haff
 import synthetic
 from haff import figures, text
-from haff.__main__ import main
+from haff.command.main import main
 
 TITLES = [
     "{{content}}", "{{title}} {{styles}} {{other}}", "</title><script>alert(1)</script>", "<!--", "a & b",

@@ -11,7 +11,7 @@ import pytest
 
 import haff
 import synthetic
-from haff.__main__ import main
+from haff.command.main import main
 from pages import Page, page_of, seek
 from validation.runs import ROOT
 

@@ -7,7 +7,7 @@ import pytest
 
 import haff
 import synthetic
-from haff.__main__ import _COLORINGS, main
+from haff.command.main import _COLORINGS, main
 from haff.viewer.coloring import COLORINGS
 from pages import in_node, page_of, seek
 

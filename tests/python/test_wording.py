@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import re
 from pathlib import Path
 
 import h5py
@@ -14,8 +13,8 @@ import pytest
 import haff
 import synthetic
 from conftest import ROOT
-from haff import text, wording
-from haff.__main__ import main
+from haff import text
+from haff.command.main import main
 
 GAS = {
     "schema": 1,
@@ -23,59 +22,6 @@ GAS = {
     "species": [{"name": "grain", "count": 50, "radius": 0.5, "mass": 1.0}],
     "run": {"until": 0.5},
 }
-# Options of the command, and the command itself.
-OPTIONS = re.compile(r"--[a-z]|\(-o\)|-o DIR|haff run")
-# Messages that Python never shows: of the command line itself, of commands that Python does not call.
-UNSEEN = {"arguments.rs", "bench.rs", "check.rs", "info.rs", "init.rs", "manual.rs", "python.rs"}
-LITERAL = re.compile(r'//[^\n]*|b?"((?:[^"\\]|\\.)*)"', re.DOTALL)
-# Joins two values of --set, inside of a message that is tested as a whole below.
-PARTS = {" --set "}
-
-
-def messages() -> list[tuple[str, str]]:
-    """Texts with options in the sources of the command, and their files."""
-    found = []
-    for crate in ("cli", "record", "scene", "engine", "linkage"):
-        for path in sorted((ROOT / "crates" / crate).rglob("*.rs")):
-            if path.name in UNSEEN or {"tests", "bench", "examples", "build.rs"} & set(path.parts):
-                continue
-            source = path.read_text().split("#[cfg(test)]")[0]
-            for match in LITERAL.finditer(source):
-                message = re.sub(r"\\\n\s*", "", match[1] or "").replace("\\n", "\n").replace('\\"', '"')
-                if OPTIONS.search(message) and message not in PARTS:
-                    found.append((path.name, message))
-    return found
-
-
-def test_every_message_of_the_command_has_words_for_python():
-    found = messages()
-    assert len(found) > 15, "the sources are read"
-    for file, message in found:
-        for line in wording.in_python(message):
-            assert not OPTIONS.search(line), f"{file}: {line!r}"
-
-
-@pytest.mark.parametrize(
-    ("printed", "said"),
-    [
-        ("error: gas.h5 exists: name another output file, or allow it to be overwritten (--overwrite)",
-         "gas.h5 exists: name another output file, or allow it to be overwritten (overwrite=True)"),
-        ("output a.toml: is the scene; name another file (-o)",
-         "output a.toml: is the scene; name another file (file=…)"),
-        ("s belongs to another sweep: it has --set a=1,2 --set b=3, not --set a=1,2; take another folder (-o)",
-         "s belongs to another sweep: it has a=1,2 b=3, not a=1,2; take another folder (output=…)"),
-        ("s belongs to another sweep: it has no --seeds, not --seeds 4; take another folder (-o)",
-         "s belongs to another sweep: it has no seeds, not seeds=4; take another folder (output=…)"),
-        ("a.h5: it is not text; if it is the output of a run: haff run --resume a.h5",
-         'a.h5: it is not text; if it is the output of a run: haff.resume("a.h5")'),
-        ("error: invalid value '0' for '--threads <N>': 0 is not in 1..=1024\n\nFor more information, try '--help'.",
-         "threads = 0: must be in 1..=1024"),
-        # Names of files are left alone.
-        ("my --overwrite file.h5: no such file", "my --overwrite file.h5: no such file"),
-    ],
-)  # fmt: skip
-def test_messages_of_the_command_are_translated(printed, said):
-    assert wording.in_python(printed) == (said,)
 
 
 def test_errors_of_runs_and_sweeps_name_keywords(tmp_path):

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import haff
-from haff import observables
+from haff.files import samples as observables
 
 Array = NDArray[Any]
 EPS = 2.0**-52

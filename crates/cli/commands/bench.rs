@@ -11,6 +11,7 @@ mod report;
 mod scenes;
 
 use std::{
+    io::Read,
     os::unix::process::ExitStatusExt,
     path::Path,
     process::{Child, Command, Stdio},
@@ -236,11 +237,19 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     let command = end_with_this_process(&mut command).stdout(Stdio::piped());
     let mut child = command.spawn().map_err(|error| failed(&error))?;
     let _kept_open = child.stdin.take();
+    // Read meanwhile: the buffer of a pipe is small.
+    let mut printed = child.stdout.take();
+    let reader = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        printed.as_mut().map_or(Ok(0), |pipe| pipe.read_to_end(&mut bytes)).map(|_| bytes)
+    });
     wait(&mut child, signals).map_err(|error| failed(&error))?;
-    // The report is smaller than the buffer of a pipe: the child does not block on it.
-    let output = child.wait_with_output().map_err(|error| failed(&error))?;
-    let report = serde_json::from_slice(&output.stdout).ok();
-    let code = output.status.code().unwrap_or_else(|| 128 + output.status.signal().unwrap_or(0));
+    let status = child.wait().map_err(|error| failed(&error))?;
+    let bytes = reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    let report: Option<Value> = serde_json::from_slice(&bytes.map_err(|error| failed(&error))?).ok();
+    // A failure has been printed by the child.
+    let report = report.filter(|report| !Failure::is_json(report));
+    let code = status.code().unwrap_or_else(|| 128 + status.signal().unwrap_or(0));
     match (code, &report) {
         (0, None) => Err(failed(&"it gave no report")),
         _ => Ok((code as u8, report)),

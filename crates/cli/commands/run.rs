@@ -8,6 +8,7 @@ use crate::{
         output, overwrite,
         progress::Progress,
         signals::Signals,
+        words::say,
     },
 };
 
@@ -22,11 +23,17 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
         (Some(file), _) => match &options.output {
             Some(new) => continued::start(file, new, options, controls)?,
             None if !options.set.is_empty() => {
-                let message = "--set with --resume changes the run: name a new file for it (-o)";
+                let message = say(
+                    "--set with --resume changes the run: name a new file for it (-o)",
+                    "another value in haff.resume changes the run: name a new file for it (file=…)",
+                );
                 return Err(Failure::new(Status::Invalid, message));
             }
             None if options.overwrite => {
-                let message = "--overwrite with --resume: name the file that may be replaced (-o)";
+                let message = say(
+                    "--overwrite with --resume: name the file that may be replaced (-o)",
+                    "overwrite=True in haff.resume: name the file that may be replaced (file=…)",
+                );
                 return Err(Failure::new(Status::Invalid, message));
             }
             None => single::resume(file.clone(), controls)?,
@@ -70,5 +77,6 @@ pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     if let Some(threads) = threads {
         pool = pool.num_threads(threads.into());
     }
-    pool.build_global().map_err(|error| Failure::new(Status::Invalid, format!("--threads: {error}")))
+    pool.build_global()
+        .map_err(|error| Failure::new(Status::Invalid, format!("{}: {error}", say("--threads", "threads"))))
 }

@@ -39,6 +39,7 @@ use crate::{
         output,
         progress::Progress,
         signals::Signals,
+        words::{output_option, say},
     },
 };
 
@@ -55,7 +56,7 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
     {
         return Err(Failure::new(
             Status::Invalid,
-            format!("--index {index}: the sweep has {} runs, counted from 0", plan.len()),
+            format!("{} {index}: the sweep has {} runs, counted from 0", say("--index", "run"), plan.len()),
         ));
     }
     check(&plan)?;
@@ -66,7 +67,8 @@ pub fn sweep(options: &Sweep) -> Result<u8, Failure> {
         return list(options, &mut manifest, folder);
     }
     let Some(folder) = folder else {
-        return Err(Failure::new(Status::Invalid, "a folder for the runs is needed: -o DIR"));
+        let option = say("-o DIR", "output=…");
+        return Err(Failure::new(Status::Invalid, format!("a folder for the runs is needed: {option}")));
     };
     let signals = Signals::watch()?;
     // Members are generated while others run.
@@ -91,7 +93,8 @@ fn locked(folder: &Path, refused: &Refused) -> Failure {
         Refused::Held(holder) => Failure::new(
             Status::File,
             format!(
-                "{folder}: {holder} runs a sweep in this folder: wait for its end, or take another folder (-o)"
+                "{folder}: {holder} runs a sweep in this folder: wait for its end, or take another folder {}",
+                output_option("output")
             ),
         ),
         Refused::Failed(error) => Failure::new(Status::File, format!("{folder}: cannot write: {error}")),
@@ -284,5 +287,5 @@ fn pool(threads: usize) -> Result<rayon::ThreadPool, Failure> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|error| Failure::new(Status::Invalid, format!("--threads: {error}")))
+        .map_err(|error| Failure::new(Status::Invalid, format!("{}: {error}", say("--threads", "threads"))))
 }

@@ -42,14 +42,14 @@ fn interpreter() -> PathBuf {
         .unwrap_or_else(|| PathBuf::from("python3"))
 }
 
-/// The state in a file of another program, as `haff.foreign.main` writes it.
+/// The state in a file of another program, as `haff.files.foreign.main` writes it.
 pub fn foreign_state(path: &Path, index: i64) -> Result<Vec<u8>, String> {
     /// As [`PROGRAM`].
     const READ: &str = "\
 import importlib.util, sys
 if importlib.util.find_spec('haff') is None:
     sys.exit(127)
-from haff import foreign
+from haff.files import foreign
 sys.exit(foreign.main(sys.argv[1], int(sys.argv[2])))";
     let done = Command::new(interpreter()).args(["-c", READ]).arg(path).arg(index.to_string()).output();
     let needs = "needs the Python package haff: pip install . in the sources of haff";

@@ -174,7 +174,7 @@ impl Finished {
         };
         if let Some(error) = &unwritten {
             report["stopped"] = json!("output");
-            report["error"] = json!(error.to_string());
+            report["error"] = json!(file_failure(error).message);
         }
         Self { report, end: End::Ran { outcome: Box::new(outcome), context, unwritten } }
     }

@@ -5,9 +5,13 @@ use std::fmt;
 use haff_engine::Fault;
 use haff_linkage::AnySimulationError;
 use haff_record::RecordError;
-use haff_scene::{ErrorKind, SceneErrors};
+use haff_scene::{
+    ErrorKind, Place, SceneError, SceneErrors,
+    text::{LONGEST, cut, shown},
+};
+use serde_json::{Value, json};
 
-use haff_scene::text::shown;
+use crate::terminal::words::{say, words};
 
 /// The exit statuses of the command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,13 +45,43 @@ pub struct Failure {
     /// One line or more, without "error:"; external text in it has been escaped by
     /// [`crate::terminal::output::shown`].
     pub message: String,
+    /// The errors of a scene.
+    pub problems: Vec<SceneError>,
 }
 
 impl Failure {
     /// A failure with a message.
     pub fn new(status: Status, message: impl fmt::Display) -> Self {
-        Self { status, message: message.to_string() }
+        Self { status, message: message.to_string(), problems: Vec::new() }
     }
+
+    /// As a JSON object, which stands for the result that a command has not got.
+    pub fn json(&self) -> Value {
+        let problems: Vec<Value> = self.problems.iter().map(problem).collect();
+        json!({ "error": self.message, "exit": self.status as u8, "problems": problems })
+    }
+
+    /// Whether this is the JSON of a failure.
+    pub fn is_json(object: &Value) -> bool {
+        object.get("problems").is_some()
+    }
+}
+
+/// An error of a scene as JSON.
+fn problem(error: &SceneError) -> Value {
+    let line = if let Place::File { line, .. } = &error.place { Some(*line) } else { None };
+    json!({
+        "text": error.told(words()),
+        "code": error.code.name(),
+        "file": error.file,
+        "line": line,
+        "set": error.set_key(),
+        "key": error.path,
+        "value": error.value.as_ref().map(|value| cut(value, LONGEST)),
+        "message": error.message,
+        "allowed": error.allowed,
+        "meant": error.meant,
+    })
 }
 
 /// A scene's errors as a failure of the command.
@@ -56,12 +90,24 @@ pub fn scene_failure(errors: &SceneErrors) -> Failure {
         ErrorKind::Invalid => Status::Invalid,
         ErrorKind::Unreadable => Status::File,
     };
-    Failure::new(status, errors)
+    Failure { problems: errors.errors.clone(), ..Failure::new(status, errors.told(words())) }
 }
 
 /// A file's error as a failure of the command.
 pub fn file_failure(error: &RecordError) -> Failure {
-    Failure::new(Status::File, shown(error))
+    match error {
+        RecordError::Exists { .. } => {
+            let option = say("--overwrite", "overwrite=True");
+            Failure::new(
+                Status::File,
+                format!(
+                    "{}: name another output file, or allow it to be overwritten ({option})",
+                    shown(error)
+                ),
+            )
+        }
+        error => Failure::new(Status::File, shown(error)),
+    }
 }
 
 /// An error of a simulation as a failure of the command.

@@ -11,12 +11,21 @@ use std::{
     fmt::Display,
     io::{self, ErrorKind, Write},
     path::Path,
+    sync::atomic::{AtomicBool, Ordering},
 };
 
 use haff_scene::text::escaped_lines;
 pub use haff_scene::text::shown;
 
 use crate::terminal::failure::{Failure, Status};
+
+/// Whether something has been written to standard output.
+static WRITTEN: AtomicBool = AtomicBool::new(false);
+
+/// Whether the command has begun to print its result.
+pub fn has_begun() -> bool {
+    WRITTEN.load(Ordering::Relaxed)
+}
 
 /// A path for messages.
 pub fn path(path: &Path) -> String {
@@ -31,6 +40,7 @@ pub fn lines(text: impl Display) -> Result<(), Failure> {
 /// Writes to standard output without escaping: JSON, scenes, completions. A closed pipe ends the command
 /// without a message; any other error is reported.
 pub fn print(text: impl Display) -> Result<(), Failure> {
+    WRITTEN.store(true, Ordering::Relaxed);
     let mut output = io::stdout().lock();
     match output.write_all(text.to_string().as_bytes()).and_then(|()| output.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Err(Failure::new(Status::Unread, "")),

@@ -10,6 +10,7 @@ use std::{
 use crate::terminal::{
     failure::{Failure, Status},
     output,
+    words::{output_option, say},
 };
 
 /// First bytes of an HDF5 file.
@@ -20,7 +21,11 @@ const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 pub fn check(file: &Path, inputs: &[(&str, Option<&Path>)], overwrite: bool) -> Result<(), Failure> {
     for (what, input) in inputs {
         if input.is_some_and(|input| is_same(file, input)) {
-            let message = format!("output {}: is {what}; name another file (-o)", output::path(file));
+            let message = format!(
+                "output {}: is {what}; name another file {}",
+                output::path(file),
+                output_option("file")
+            );
             return Err(Failure::new(Status::Invalid, message));
         }
     }
@@ -48,7 +53,9 @@ fn check_kind(path: &Path) -> Result<(), Failure> {
     };
     let path = output::path(path);
     let message = format!(
-        "{path}: --overwrite replaces outputs of runs only: {why}; remove it, or name another file (-o)"
+        "{path}: {} replaces outputs of runs only: {why}; remove it, or name another file {}",
+        say("--overwrite", "overwrite=True"),
+        output_option("file")
     );
     Err(Failure::new(Status::File, message))
 }

@@ -2,7 +2,7 @@
 
 use haff_engine::Fault;
 use haff_linkage::AnySimulationError;
-use haff_scene::{ErrorKind, Place, SceneError, SceneErrors};
+use haff_scene::{Code, ErrorKind, Place, SceneError, SceneErrors, Words};
 use pyo3::{import_exception, intern, prelude::*, types::PyDict};
 
 mod python {
@@ -17,16 +17,13 @@ mod python {
 /// A scene's errors. Without a file, line numbers are omitted: they refer to generated text.
 pub fn scene(py: Python<'_>, errors: &SceneErrors, has_file: bool) -> PyErr {
     if errors.kind() == ErrorKind::Unreadable {
-        let texts = errors.errors.iter().map(|error| placed(error, has_file).to_string());
+        let texts = errors.errors.iter().map(|error| placed(error, has_file).told(Words::Python));
         return python::FileError::new_err(texts.collect::<Vec<_>>().join("\n"));
     }
     // Errors beyond the first ones are only counted: a last one has their number.
-    let rest = (errors.more > 0).then(|| SceneError {
-        file: errors.errors.first().map_or_else(String::new, |error| error.file.clone()),
-        place: Place::Whole,
-        path: String::new(),
-        value: None,
-        message: format!("and {} more", errors.more),
+    let rest = (errors.more > 0).then(|| {
+        let file = errors.errors.first().map_or("", |error| &error.file);
+        SceneError::of_file(file, Code::Conflict, format!("and {} more", errors.more))
     });
     let all = errors.errors.iter().chain(&rest);
     let problems: PyResult<Vec<_>> = all.map(|error| problem(py, error, has_file)).collect();
@@ -48,21 +45,23 @@ fn placed(error: &SceneError, has_file: bool) -> SceneError {
 /// A `haff.errors.SceneProblem`.
 fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<PyAny>> {
     let shown = placed(error, has_file);
-    let text = shown.to_string();
     let line = match &shown.place {
         Place::File { line, .. } => Some(*line),
         Place::Override(_) | Place::Whole => None,
     };
     let fields = PyDict::new(py);
-    // Overrides are keywords here.
-    fields.set_item("text", text.strip_prefix("--set ").unwrap_or(&text))?;
+    fields.set_item("text", shown.told(Words::Python))?;
+    fields.set_item("code", error.code.name())?;
     fields.set_item("file", &error.file)?;
     fields.set_item("line", line)?;
+    fields.set_item("set", error.set_key())?;
     fields.set_item("key", &error.path)?;
     fields.set_item("value", &error.value)?;
     fields.set_item("message", &error.message)?;
+    fields.set_item("allowed", &error.allowed)?;
+    fields.set_item("meant", &error.meant)?;
     let class = py.import(intern!(py, "haff.errors"))?.getattr(intern!(py, "SceneProblem"))?;
-    Ok(class.call((), Some(&fields))?.unbind())
+    Ok(class.call_method1(intern!(py, "of"), (fields,))?.unbind())
 }
 
 /// An argument that is not possible.
@@ -80,13 +79,7 @@ pub fn simulation(py: Python<'_>, error: &AnySimulationError, name: &str) -> PyE
     if error.fault() != Fault::Invalid {
         return python::SimulationError::new_err(error.to_string());
     }
-    let error = SceneError {
-        file: name.to_owned(),
-        place: Place::Whole,
-        path: String::new(),
-        value: None,
-        message: error.to_string(),
-    };
+    let error = SceneError::of_file(name, Code::Conflict, error.to_string());
     match problem(py, &error, false) {
         Ok(problem) => python::SceneError::new_err((vec![problem],)),
         Err(error) => error,

@@ -10,7 +10,7 @@ use std::{
 #[non_exhaustive]
 pub enum RecordError {
     /// The output file exists and may not be replaced.
-    #[error("{path} exists: name another output file, or allow it to be overwritten (--overwrite)")]
+    #[error("{path} exists")]
     Exists {
         /// The file.
         path: PathBuf,

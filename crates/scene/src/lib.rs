@@ -64,7 +64,7 @@ pub use placement::import;
 pub use plugins::{Parameters, PluginError, Plugins};
 use source::weight;
 pub use source::{
-    error::{ErrorKind, Place, SceneError, SceneErrors},
+    error::{Code, ErrorKind, Place, SceneError, SceneErrors, Words},
     text,
     weight::LONGEST_FILE,
 };
@@ -87,7 +87,7 @@ pub fn read(path: &Path) -> Result<String, SceneErrors> {
     let text = read_text(path)?;
     match check_weight(&text) {
         Ok(()) => Ok(text),
-        Err(message) => Err(assemble::whole(&path.display().to_string(), message, ErrorKind::Invalid)),
+        Err(message) => Err(assemble::invalid(&path.display().to_string(), message)),
     }
 }
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
 from typing import Any, TypeVar
 
-from .. import arguments
+from ..common import arguments
 from ..errors import ArgumentError
 from ..text import quoted
 

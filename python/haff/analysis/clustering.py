@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import positive
-from ..layout import computing
+from ..common.arguments import positive
+from ..files.layout import computing
 from .checked import checked
 from .pairs import require_room
 from .trees import near_pairs
 
 if TYPE_CHECKING:
-    from ..frames import Frame
+    from ..files.frames import Frame
 
 __all__ = ["Clusters", "clusters"]
 

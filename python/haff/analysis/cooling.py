@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .. import conditions, theory
+from .. import theory
 from ..errors import NotApplicableError
-from ..layout import Array
+from ..files.layout import Array
+from . import conditions
 from .checked import checked
 from .energies import temperature
 
@@ -72,7 +73,7 @@ class HeatedState(NamedTuple):
 def cooling_law(file: File) -> CoolingLaw:
     """The cooling law expected for the file's gas.
 
-    It needs the conditions of :data:`haff.conditions.HAFF`: a periodic box at rest, without walls, fixed bodies, joints
+    It needs the conditions of :data:`.conditions.HAFF`: a periodic box at rest, without walls, fixed bodies, joints
     and drives; particles that start as a homogeneous fluid at one temperature; and smooth contacts with one constant
     restitution, short against the mean free time if the TC model is on.
 
@@ -138,7 +139,7 @@ def fitted(file: File, law: CoolingLaw) -> Fit | None:
 def heated_state(file: File) -> HeatedState:
     """The steady state expected for a gas heated by white noise, by Enskog's theory.
 
-    It needs the conditions of :data:`haff.conditions.HEATED`: those of :func:`cooling_law` for equal particles, but
+    It needs the conditions of :data:`.conditions.HEATED`: those of :func:`cooling_law` for equal particles, but
     with white noise on all of them and no other drive, whose kicks are more frequent than collisions. The temperature
     is :func:`haff.theory.heated_temperature` with the Carnahan–Starling or Henderson contact value, a₂ is
     :func:`haff.theory.sonine_a2_heated`.

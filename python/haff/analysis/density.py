@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..arguments import choice, count
+from ..common.arguments import choice, count
 from ..errors import ArgumentError, NotApplicableError
-from ..layout import AXES, Array, computing
+from ..files.layout import AXES, Array, computing
 from ..text import quoted
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..frames import Box, Frame
+    from ..files.frames import Box, Frame
 
 __all__ = ["DensityField", "density_field"]
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..arguments import MOST_ROWS, count, positive
+from ..common.arguments import MOST_ROWS, count, positive
 from ..errors import NotApplicableError
-from ..layout import Array, computing
+from ..files.layout import Array, computing
 from .checked import checked
 from .pairs import close_pairs, require_room
 
 if TYPE_CHECKING:
-    from ..frames import Frame
+    from ..files.frames import Frame
 
 __all__ = ["PairDistributions", "pair_distributions"]
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import arguments
+from ..common import arguments
 from ..errors import NotApplicableError
-from ..layout import Array
+from ..files.layout import Array
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..frames import Frame
+    from ..files.frames import Frame
 
 
 @checked

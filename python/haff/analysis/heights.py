@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import choice, count, reals
+from ..common.arguments import choice, count, reals
 from ..errors import ArgumentError, NotApplicableError
-from ..layout import AXES, Array, computing
+from ..files.layout import AXES, Array, computing
 from ..text import quoted
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..frames import Box, Frame
+    from ..files.frames import Box, Frame
     from ..reader import File
 
 __all__ = ["HeightProfile", "height_axis", "height_profile"]

@@ -10,7 +10,7 @@ from .checked import checked
 from .trees import near_pairs
 
 if TYPE_CHECKING:
-    from ..frames import Frame
+    from ..files.frames import Frame
 
 
 class Overlap(NamedTuple):

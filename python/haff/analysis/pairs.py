@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NotApplicableError
-from ..layout import Array
+from ..files.layout import Array
 
 if TYPE_CHECKING:
-    from ..frames import Box
+    from ..files.frames import Box
 
 PER_CELL = 30
 """Particles in a cell, about: fewer make many small products, more make many distances that are too long."""

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import MOST_ROWS, count, positive
+from ..common.arguments import MOST_ROWS, count, positive
 from ..errors import NotApplicableError
-from ..layout import Array, computing
+from ..files.layout import Array, computing
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..frames import Box, Frame
+    from ..files.frames import Box, Frame
 
 __all__ = ["StaticStructure", "intensities", "lattice", "static_structure", "vectors"]
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import arguments
+from ..common import arguments
 from ..errors import ArgumentError
 from ..text import quoted
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..frames import Frame
+    from ..files.frames import Frame
     from ..reader import File
 
 

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import count, positive, real
-from ..conversions import freud_system
+from ..common.arguments import count, positive, real
+from ..common.output import library
 from ..errors import ArgumentError, NotApplicableError
-from ..layout import Array, computing
-from ..output import library
+from ..files.conversions import freud_system
+from ..files.layout import Array, computing
 from ..text import quoted
 from .checked import checked
 from .scattering import intensities, lattice, vectors
 
 if TYPE_CHECKING:
-    from ..frames import Box, Frame
+    from ..files.frames import Box, Frame
 
 
 @checked

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .. import conditions
-from ..arguments import reals
+from ..common.arguments import reals
 from ..errors import ArgumentError, MissingDataError, NotApplicableError
-from ..layout import AXES, Array
-from ..measurements import correlation_columns
+from ..files.layout import AXES, Array
+from ..files.measure import correlation_columns
 from ..text import quoted
+from . import conditions
 from .checked import checked
 from .statistics import Estimate, block_average
 
@@ -46,7 +46,7 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
     ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
     most of the flow that a particle drags along.
 
-    Raises :class:`NotApplicableError` unless the conditions of :data:`haff.conditions.DIFFUSION` hold: a periodic box,
+    Raises :class:`NotApplicableError` unless the conditions of :data:`.conditions.DIFFUSION` hold: a periodic box,
     since walls bound displacements; a steady temperature and the same scene all the time, since correlations are means
     over the whole run; and a center of mass that does not move on. Of a mixture it is the mean over the particles.
 
@@ -72,7 +72,7 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
 
     ``start``, ``end``: the window of lags [time]; default 15 and 30 mean free times. These are fluctuations in
     equilibrium: a sheared run raises :class:`NotApplicableError`, and :func:`rheology` gives its viscosity; so do other
-    files that do not meet the conditions of :data:`haff.conditions.VISCOSITY`, such as inelastic or driven gases.
+    files that do not meet the conditions of :data:`.conditions.VISCOSITY`, such as inelastic or driven gases.
     """
     if file.shear is not None:
         raise NotApplicableError(f"{file.path}: the run is sheared: analysis.rheology gives its viscosity")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..layout import Array
+from ..files.layout import Array
 
 if TYPE_CHECKING:
-    from ..frames import Box
+    from ..files.frames import Box
 
 
 def near_pairs(box: Box, position: Array, reach: float) -> Iterator[tuple[NDArray[np.intp], Array]]:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arguments import count, positive
+from ..common.arguments import count, positive
 from ..errors import NotApplicableError
-from ..layout import Array
+from ..files.layout import Array
 from .checked import checked
 from .energies import temperature
 
 if TYPE_CHECKING:
-    from ..frames import Frame
+    from ..files.frames import Frame
 
 
 @checked

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from .. import arguments
+from ..common import arguments
+from ..common.output import replacing
+from ..common.words import say
 from ..errors import ArgumentError
-from ..layout import computing
-from ..output import replacing
-from ..selection import choose
+from ..files.layout import computing
+from ..files.selection import choose
 from ..text import brief, quoted
-from ..wording import say
 from . import extxyz, gsd, tables, vtkhdf
 
 if TYPE_CHECKING:

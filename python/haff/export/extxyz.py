@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ..extent import extent
-from ..frames import Frames
+from ..files.extent import extent
+from ..files.frames import Frames
 from ..text import escaped
 
 _PROPERTIES = "type:S:1:pos:R:3:velo:R:3:radius:R:1:mass:R:1:id:I:1:image:I:3"

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..common.output import library
 from ..errors import NotApplicableError
-from ..extent import extent
-from ..frames import Frame, Frames, not_triangular
-from ..output import library
+from ..files.extent import extent
+from ..files.frames import Frame, Frames, not_triangular
 from ..text import escaped
 
 if TYPE_CHECKING:

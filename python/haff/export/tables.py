@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ..output import library
-from ..selection import choose
+from ..common.output import library
+from ..files.selection import choose
 from ..text import cell
 
 if TYPE_CHECKING:

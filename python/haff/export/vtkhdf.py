@@ -7,9 +7,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ..extent import extent
-from ..frames import Frames
-from ..output import Sink
+from ..common.output import Sink
+from ..files.extent import extent
+from ..files.frames import Frames
 from ..text import escaped
 
 _VERSION = (2, 3)

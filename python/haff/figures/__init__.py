@@ -10,10 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .. import arguments
+from ..common import arguments
+from ..common.output import replacing, require_free
 from ..errors import ArgumentError, MissingDataError, NotApplicableError
-from ..layout import computing
-from ..output import replacing, require_free
+from ..files.layout import computing
 from ..text import escaped, quoted
 
 if TYPE_CHECKING:

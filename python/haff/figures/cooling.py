@@ -11,7 +11,7 @@ from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullLocato
 
 from ..analysis import CoolingLaw
 from ..analysis.cooling import DEVIATION, Fit, fitted
-from ..layout import Array
+from ..files.layout import Array
 from .facts import facts
 from .style import BLUE, GREY, ORANGE, RED, headline, number
 

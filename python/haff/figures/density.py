@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, arguments
+from .. import analysis
+from ..common import arguments
 from ..errors import NotApplicableError
-from ..layout import AXES
+from ..files.layout import AXES
 from .facts import facts
 from .style import SPEED_MAP, headline, page
 

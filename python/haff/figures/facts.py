@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..phases import phase_note
-from ..recorded import law_name, packing_fraction, roughness
+from ..analysis.phases import phase_note
+from ..files.scene import law_name, packing_fraction, roughness
 from .style import label
 
 if TYPE_CHECKING:

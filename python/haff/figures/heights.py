@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
-from ..layout import AXES
+from ..files.layout import AXES
 from .facts import facts
 from .structure import times
 from .style import BLUE, CYCLE, GREY, RED, headline

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import conditions, homogeneous, theory
+from .. import theory
+from ..analysis import conditions, homogeneous
+from ..analysis.phases import phase_note
 from ..errors import NotApplicableError
-from ..phases import phase_note
-from ..recorded import is_rough
+from ..files.scene import is_rough
 from .facts import facts
 from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label, left_out
 

@@ -12,12 +12,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
+from ..common.output import library, replacing
 from ..errors import ArgumentError, FileError
-from ..extent import Extent, extent
-from ..frames import Frames
-from ..layout import computing
-from ..output import library, replacing
-from ..selection import choose
+from ..files.extent import Extent, extent
+from ..files.frames import Frames
+from ..files.layout import computing
+from ..files.selection import choose
 from . import snapshot
 from .style import style
 

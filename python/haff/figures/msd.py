@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions
+from .. import analysis
+from ..analysis import conditions
 from ..errors import NotApplicableError
-from ..measurements import correlation_columns
+from ..files.measure import correlation_columns
 from .facts import facts, sampled
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, number
 

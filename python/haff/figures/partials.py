@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, homogeneous, theory
+from .. import analysis, theory
+from ..analysis import conditions, homogeneous
 from ..errors import NotApplicableError
 from .facts import facts
 from .structure import sample, sampled, times

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from .. import observables
 from ..errors import NotApplicableError
+from ..files import samples
 from .facts import sampled
 from .style import headline, label
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def draw(file: File) -> Figure:
     """A panel for each column of a probe, with a line for each component."""
-    columns = observables.of_probes(file)
+    columns = samples.of_probes(file)
     if not columns:
         raise NotApplicableError("no probe of another crate has measured anything")
     table = file.samples

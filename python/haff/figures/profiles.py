@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..analysis.phases import phase_note, profile_times
+from ..common.words import say
 from ..errors import NotApplicableError
-from ..layout import AXES
-from ..measurements import Rows, profile_rows
-from ..phases import phase_note, profile_times
-from ..wording import say
+from ..files.layout import AXES
+from ..files.measure import Rows, profile_rows
 from .facts import facts
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline, label
 

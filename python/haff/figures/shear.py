@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, theory
+from .. import analysis, theory
+from ..analysis import conditions
 from ..errors import NotApplicableError
-from ..frames import Shear
-from ..layout import AXES
-from ..measurements import Rows, profile_rows
-from ..recorded import packing_fraction
+from ..files.frames import Shear
+from ..files.layout import AXES
+from ..files.measure import Rows, profile_rows
+from ..files.scene import packing_fraction
 from .facts import facts
 from .profiles import curve, later_half
 from .style import BLUE, CYCLE, GREY, RED, headline, left_out, number
@@ -38,7 +39,7 @@ def draw(file: File) -> Figure:
     """Temperature, viscosity and normal stresses against strain; with a profile along the gradient the velocity.
 
     Dashed lines are the steady state by :func:`haff.theory.uniform_shear_enskog`, where its conditions
-    (:data:`haff.conditions.SHEAR_FLOW`) hold.
+    (:data:`.conditions.SHEAR_FLOW`) hold.
     """
     shear = file.shear
     if shear is None:

@@ -11,10 +11,11 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from .. import analysis, arguments
+from .. import analysis
+from ..common import arguments
 from ..errors import NotApplicableError
-from ..extent import Extent, extent
-from ..frames import Frame
+from ..files.extent import Extent, extent
+from ..files.frames import Frame
 from .facts import facts
 from .render import Camera, spheres
 from .style import CYCLE, SPEED_MAP, headline, label, page

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions
+from .. import analysis
+from ..analysis import conditions
 from ..errors import NotApplicableError
-from ..layout import AXES
-from ..measurements import correlation_columns
+from ..files.layout import AXES
+from ..files.measure import correlation_columns
 from .facts import facts
 from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, left_out, number
 

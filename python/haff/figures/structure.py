@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, homogeneous, theory
+from .. import analysis, theory
+from ..analysis import conditions, homogeneous
+from ..analysis.phases import phase_note
 from ..errors import NotApplicableError
-from ..frames import Frame
-from ..phases import phase_note
-from ..recorded import packing_fraction
+from ..files.frames import Frame
+from ..files.scene import packing_fraction
 from .facts import facts
 from .style import BLUE, GREEN, GREY, RED, headline, label, left_out
 

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from .. import measured
+from ..analysis import experiment
 from ..errors import NotApplicableError
-from ..events import PAIRS
+from ..files.events import PAIRS
 from .style import BLACK, CYCLE, GREY, headline, label, page
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ def draw(file: File) -> Figure:
 def _clearance(file: File, active: list[int]) -> float | None:
     """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
     floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
-    at = measured.vector(floors[0]["plane"]["point"])[2] if floors else 0.0
+    at = experiment.vector(floors[0]["plane"]["point"])[2] if floors else 0.0
     if len(file) == 1 and active[-1] == 2 and (floors or file.box.boundary[2] == "wall"):
         return float(at + file.radius[0])
     return None

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from .. import analysis, conditions, homogeneous, theory
+from .. import analysis, theory
+from ..analysis import conditions, homogeneous
 from ..errors import NotApplicableError
-from ..layout import AXES
+from ..files.layout import AXES
 from .facts import facts
 from .structure import times
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, note, signed

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import conditions, measured, mechanics
+from .. import mechanics
+from ..analysis import conditions, experiment
 from ..errors import NotApplicableError
-from ..recorded import shaped_walls
+from ..files.scene import shaped_walls
 from .trajectories import body_name
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Worked(NamedTuple):
 def worked(run: File) -> Worked:
     """The system of a run. Raises :class:`NotApplicableError` if it is none of the chapter's systems.
 
-    There is a closed form where the conditions of :data:`haff.conditions.CLOSED_FORM` and those of the system hold.
+    There is a closed form where the conditions of :data:`.conditions.CLOSED_FORM` and those of the system hold.
     """
     found = _system(run)
     if why := conditions.unmet(run, conditions.CLOSED_FORM):
@@ -66,9 +67,9 @@ def _system(run: File) -> Worked:
         return _springs(run)
     if run.scene.get("rod"):
         return _rods(run)
-    if len(run) == 1 and np.any(measured.gravity(run)):
+    if len(run) == 1 and np.any(experiment.gravity(run)):
         return _ball(run)
-    if len(run) <= 2 and not np.any(measured.gravity(run)):
+    if len(run) <= 2 and not np.any(experiment.gravity(run)):
         return _impact(run)
     raise NotApplicableError("neither pendulums, springs, rods, a bouncing ball nor an impact of two bodies")
 
@@ -90,9 +91,9 @@ def _next_event(run: File, after: float, slow: float = 0.0) -> float:
 
 
 def _pendulums(run: File) -> Worked:
-    hangs = measured.pendulums(run)
+    hangs = experiment.pendulums(run)
     bobs = sorted(hangs)
-    pull = measured.gravity(run)
+    pull = experiment.gravity(run)
     g = float(np.linalg.norm(pull))
     if g == 0:
         raise NotApplicableError("without gravity pendulums do not swing")
@@ -133,7 +134,7 @@ def _pendulum_law(run: File, hangs: dict, bobs: list[int], start: Array, side: A
     if len(bobs) == 1:
         return lambda t: mechanics.swing(t, start[0], length, g)[None], []
     names = [run.species_names[run.species[bob]] for bob in bobs]
-    laws = [measured.restitution(run, a, b) for a, b in pairwise(names)]
+    laws = [experiment.restitution(run, a, b) for a, b in pairwise(names)]
     e, masses = laws[0], run.mass[bobs]
     if not isinstance(e, (int, float)) or any(law != e for law in laws):
         raise NotApplicableError("restitution is not one number")
@@ -176,9 +177,9 @@ def _springs(run: File) -> Worked:
     names = [run.species_names[s] for s in run.species]
     seen, labels, natural = [], [], []
     for one in run.scene["spring"]:
-        ends = [x[:, measured.body(run, name)] for name in one["between"]]
+        ends = [x[:, experiment.body(run, name)] for name in one["between"]]
         if "point" in one:
-            ends.append(np.broadcast_to(measured.vector(one["point"]), ends[0].shape))
+            ends.append(np.broadcast_to(experiment.vector(one["point"]), ends[0].shape))
         if len(ends) != 2:
             raise NotApplicableError("a spring has only one end")
         length = np.linalg.norm(ends[1] - ends[0], axis=1)
@@ -196,9 +197,9 @@ def _springs(run: File) -> Worked:
 
 def _spring_law(run: File, names: list[str], natural: float):
     springs = run.scene["spring"]
-    if len(run) != 3 or len(springs) != 1 or len(springs[0]["between"]) != 2 or np.any(measured.gravity(run)):
+    if len(run) != 3 or len(springs) != 1 or len(springs[0]["between"]) != 2 or np.any(experiment.gravity(run)):
         raise NotApplicableError("not the three bodies of Problem 2.4")
-    b, c = (measured.body(run, name) for name in springs[0]["between"])
+    b, c = (experiment.body(run, name) for name in springs[0]["between"])
     (a,) = {0, 1, 2} - {b, c}
     x, w = run.frames[0].position, run.frames[0].velocity
     if np.linalg.norm(x[c] - x[a]) < np.linalg.norm(x[b] - x[a]):
@@ -209,7 +210,7 @@ def _spring_law(run: File, names: list[str], natural: float):
     at_rest = np.all(np.abs(w[[b, c]]) <= 0) and abs(np.linalg.norm(x[c] - x[b]) - natural) <= CLOSE * natural
     if not (in_line and at_rest and v > 0 and np.linalg.norm(w[a] - v * axis) <= CLOSE * v):
         raise NotApplicableError("the spring is not hit along its line, at rest")
-    if not np.allclose(run.mass, run.mass[0], rtol=CLOSE) or measured.restitution(run, names[a], names[b]) != 0:
+    if not np.allclose(run.mass, run.mass[0], rtol=CLOSE) or experiment.restitution(run, names[a], names[b]) != 0:
         raise NotApplicableError("the masses are not equal, or the impact is not plastic")
     m, k = float(run.mass[0]), float(springs[0]["stiffness"])
     hit = (np.linalg.norm(x[b] - x[a]) - run.radius[a] - run.radius[b]) / v
@@ -230,7 +231,7 @@ def _rods(run: File) -> Worked:
     ahead = w / v if v > 0 else np.eye(3)[0]
     seen, labels = [], []
     for one in run.scene["rod"]:
-        ends = [measured.body(run, name) for name in one["between"]]
+        ends = [experiment.body(run, name) for name in one["between"]]
         arm = x[:, ends[1]] - x[:, ends[0]]
         if np.any(np.abs(arm[:, 2]) > CLOSE):
             raise NotApplicableError("the rod leaves the xy plane")
@@ -249,9 +250,9 @@ def _rods(run: File) -> Worked:
 
 def _rod_law(run: File, names: list[str], flying: int, v: float, ahead: Array, theta: float):
     rods = run.scene["rod"]
-    if len(run) != 3 or len(rods) != 1 or np.any(measured.gravity(run)) or not v > 0:
+    if len(run) != 3 or len(rods) != 1 or np.any(experiment.gravity(run)) or not v > 0:
         raise NotApplicableError("not the particle and rod of Sets 2.2 and 2.3")
-    hit, far = (measured.body(run, name) for name in rods[0]["between"])
+    hit, far = (experiment.body(run, name) for name in rods[0]["between"])
     x, w = run.frames[0].position, run.frames[0].velocity
     gap = x[hit] - x[flying]
     if (
@@ -263,7 +264,7 @@ def _rod_law(run: File, names: list[str], flying: int, v: float, ahead: Array, t
     if not np.allclose(run.mass, run.mass[0], rtol=CLOSE):
         raise NotApplicableError("the masses are not equal")
     m, length = float(run.mass[0]), float(np.linalg.norm(x[far] - x[hit]))
-    law = measured.restitution(run, names[flying], names[hit])
+    law = experiment.restitution(run, names[flying], names[hit])
     if law == "sticks":
         after = mechanics.rod_stick(m, v, length, theta)
     elif isinstance(law, (int, float)):
@@ -281,20 +282,22 @@ def _rod_law(run: File, names: list[str], flying: int, v: float, ahead: Array, t
 
 
 def _ball(run: File) -> Worked:
-    pull = measured.gravity(run)
+    pull = experiment.gravity(run)
     g = float(np.linalg.norm(pull))
-    below = [(wall, *measured.plane(run, wall)) for wall in range(measured.count_walls(run))]
+    below = [(wall, *experiment.plane(run, wall)) for wall in range(experiment.count_walls(run))]
     below = [one for one in below if one[2] @ pull < -(1 - CLOSE) * g]
     if len(below) != 1:
         raise NotApplicableError("there is no one floor below")
     wall, point, normal = below[0]
     seen = (run.frames.array("position")[:, 0] - point) @ normal - run.radius[0]
     law, levels, why = None, [], ""
-    e = measured.wall_restitution(run, run.species_names[run.species[0]], wall)
-    others = [measured.plane(run, other)[1] @ pull / g for other in range(measured.count_walls(run)) if other != wall]
+    e = experiment.wall_restitution(run, run.species_names[run.species[0]], wall)
+    others = [
+        experiment.plane(run, other)[1] @ pull / g for other in range(experiment.count_walls(run)) if other != wall
+    ]
     if run.frames[0].velocity[0] @ normal != 0:
         why = "the ball is not dropped from rest"
-    elif driven := measured.driven(run, wall):
+    elif driven := experiment.driven(run, wall):
         why = f"the floor {driven}"
     elif any(CLOSE < abs(slope) < 1 - CLOSE for slope in others):
         why = "there is an inclined wall"
@@ -313,8 +316,8 @@ def _impact(run: File) -> Worked:
     start, w = frames[0].position, frames[0].velocity
     if len(run) == 2:
         names = [run.species_names[s] for s in run.species]
-        e, m2, w2 = measured.restitution(run, *names), run.mass[1], w[1]
-        beta, friction = measured.roughness(run, *names)
+        e, m2, w2 = experiment.restitution(run, *names), run.mass[1], w[1]
+        beta, friction = experiment.roughness(run, *names)
         r, u, sigma = start[1] - start[0], w[1] - w[0], run.radius.sum()
         # Smaller root of |r + u t| = σ.
         b, c = r @ u, r @ r - sigma**2
@@ -322,18 +325,18 @@ def _impact(run: File) -> Worked:
         if b >= 0 or square < 0:
             raise NotApplicableError("the two do not meet")
         hit = c / (np.sqrt(square) - b)
-        bounded = measured.count_walls(run) > 0 or bool(run.box.periodic.any())
+        bounded = experiment.count_walls(run) > 0 or bool(run.box.periodic.any())
         if bounded and not np.isclose(_next_event(run, 0.0), hit, rtol=CLOSE):
             raise NotApplicableError("something else comes before the impact of the two, or there is no event log")
         n = (r + u * hit) / sigma
-    elif measured.count_walls(run) == 1:
-        if (driven := measured.driven(run, 0)) and "velocity" not in driven:
+    elif experiment.count_walls(run) == 1:
+        if (driven := experiment.driven(run, 0)) and "velocity" not in driven:
             raise NotApplicableError(f"the wall {driven}")
-        point, normal = measured.plane(run, 0)
+        point, normal = experiment.plane(run, 0)
         name = run.species_names[run.species[0]]
-        e, m2 = measured.wall_restitution(run, name, 0), np.inf
-        beta, friction = measured.wall_roughness(run, name, 0)
-        w2 = measured.vector(shaped_walls(run.scene)[0].get("velocity", (0, 0, 0)))
+        e, m2 = experiment.wall_restitution(run, name, 0), np.inf
+        beta, friction = experiment.wall_roughness(run, name, 0)
+        w2 = experiment.vector(shaped_walls(run.scene)[0].get("velocity", (0, 0, 0)))
         approach = (w2 - w[0]) @ normal
         if approach <= 0:
             raise NotApplicableError("the ball does not meet the wall")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import arguments
+from ..common import arguments
 from ..errors import ArgumentError
 from ..text import quoted
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import arguments
+from ..common import arguments
 from ._common import Array, check_dimension, numeric
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import arguments
+from ..common import arguments
 from ._common import Array, check_dimension, chosen, numeric
 
 

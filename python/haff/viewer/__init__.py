@@ -9,10 +9,11 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 
-from .. import arguments, reader
+from .. import reader
+from ..common import arguments
+from ..common.output import replacing
 from ..errors import ArgumentError
-from ..layout import computing
-from ..output import replacing
+from ..files.layout import computing
 from ..reader import File
 from ..text import escaped, quoted
 from . import coloring

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from .. import arguments
+from ..common import arguments
 from ..errors import ArgumentError, MissingDataError
 from ..reader import File
 from ..text import quoted

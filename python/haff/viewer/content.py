@@ -11,11 +11,11 @@ import matplotlib as mpl
 import numpy as np
 
 from ..errors import ArgumentError, NotApplicableError
-from ..extent import Extent, extent
 from ..figures.style import CYCLE, SPEED_MAP
+from ..files.extent import Extent, extent
+from ..files.scene import mean_point, shaped_walls
+from ..files.selection import choose
 from ..reader import File
-from ..recorded import mean_point, shaped_walls
-from ..selection import choose
 from ..text import escaped
 from . import collisions, curves, joints
 from .blobs import Blobs

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..observables import balance
+from ..files.samples import balance
 from ..reader import File
 
 MOST = 1500

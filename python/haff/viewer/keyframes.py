@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import MissingDataError, NotApplicableError
-from ..events import PAIRS
 from ..figures import trajectories
-from ..frames import Frames
+from ..files.events import PAIRS
+from ..files.frames import Frames
 from ..reader import File
 
 MOST = 20_000

@@ -25,6 +25,7 @@ use crate::{
     terminal::{
         failure::{Failure, Status},
         output::{self, shown},
+        words::{output_option, say, set},
     },
 };
 
@@ -82,9 +83,10 @@ impl Manifest {
                     return Err(Failure::new(
                         Status::File,
                         format!(
-                            "{} belongs to another sweep: {}; take another folder (-o)",
+                            "{} belongs to another sweep: {}; take another folder {}",
                             output::path(&path),
-                            shown(difference)
+                            shown(difference),
+                            output_option("output")
                         ),
                     ));
                 }
@@ -193,21 +195,29 @@ fn difference(known: &Content, given: &Content) -> Option<String> {
             known.trajectory_version, known.version, given.trajectory_version
         ));
     }
-    let text = |seeds: Option<u32>| seeds.map_or("no --seeds".to_owned(), |n| format!("--seeds {n}"));
+    let text = |seeds: Option<u32>| match seeds {
+        Some(n) => format!("{}{n}", say("--seeds ", "seeds=")),
+        None => say("no --seeds", "no seeds").to_owned(),
+    };
     if known.seeds.is_some() != given.seeds.is_some() || known.seeds > given.seeds {
         return Some(format!("it has {}, not {}", text(known.seeds), text(given.seeds)));
     }
     if !has_values_of(known, given) {
         return Some(format!(
-            "it has --set {}, and may get more values of these keys; not {}",
-            known.set.join(" --set "),
-            given.set.join(" --set ")
+            "it has {}, and may get more values of these keys; not {}",
+            all_set(&known.set),
+            all_set(&given.set)
         ));
     }
     if !same_scene(&known.scene_toml, &given.scene_toml) {
         return Some(format!("its scene is not that of {}", given.scene.display()));
     }
     None
+}
+
+/// Keys with their values.
+fn all_set(texts: &[String]) -> String {
+    texts.iter().map(set).collect::<Vec<_>>().join(" ")
 }
 
 /// Keys and values of `--set`; none if they are invalid.

@@ -22,6 +22,7 @@ use crate::{
         output,
         progress::Progress,
         signals::Signals,
+        words::output_option,
     },
 };
 
@@ -81,8 +82,9 @@ fn go(path: &Path, plan: &Plan, member: &Member, controls: Controls) -> Result<F
     let info = haff_record::info(path).map_err(|error| file_failure(&error))?;
     if !same_scene(&info.scene_toml, &scene.resolved) {
         let message = format!(
-            "{} holds another run, or one of another version of haff: remove it, or take another folder (-o)",
-            output::path(path)
+            "{} holds another run, or one of another version of haff: remove it, or take another folder {}",
+            output::path(path),
+            output_option("output")
         );
         return Err(Failure::new(Status::File, message));
     }

@@ -11,6 +11,7 @@ use crate::{
     terminal::{
         failure::{Failure, Status, scene_failure},
         output::shown,
+        words::{say, set},
     },
 };
 
@@ -57,20 +58,24 @@ impl Plan {
             if axes[..k].iter().any(|other| other.key == axis.key) {
                 let key = shown(&axis.key);
                 return Err(invalid(format!(
-                    "--set {key}: given twice; separate its values by commas: {key}=V1,V2"
+                    "{}: given twice; separate its values by commas: {key}=V1,V2",
+                    set(&key)
                 )));
             }
         }
         if axes.is_empty() && options.seeds.is_none() {
-            return Err(invalid(
-                "nothing to vary: give --set KEY=V1,V2,… (several times for several keys) or --seeds N"
-                    .to_owned(),
-            ));
+            let message = say(
+                "nothing to vary: give --set KEY=V1,V2,… (several times for several keys) or --seeds N",
+                "nothing to vary: give values, {KEY: [V1, V2, …]}, or seeds=N",
+            );
+            return Err(invalid(message.to_owned()));
         }
         if options.seeds.is_some() && axes.iter().any(|axis| axis.key == "seed" && axis.values.len() > 1) {
-            return Err(invalid(
-                "--seeds derives seeds from one; give either --seeds N or --set seed=S1,S2".to_owned(),
-            ));
+            let message = say(
+                "--seeds derives seeds from one; give either --seeds N or --set seed=S1,S2",
+                "seeds=N derives seeds from one: give either it or {\"seed\": [S1, S2]}",
+            );
+            return Err(invalid(message.to_owned()));
         }
         let text = haff_scene::read(&options.scene).map_err(|errors| scene_failure(&errors))?;
         // Errors of syntax are reported when the scene is assembled.

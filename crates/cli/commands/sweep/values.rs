@@ -5,7 +5,7 @@ use std::{collections::HashSet, fmt};
 use haff_scene::config::WallTimeConfig;
 use toml::Value;
 
-use crate::terminal::output::shown;
+use crate::terminal::{output::shown, words::set};
 
 /// Largest number of values of one key: more are taken for a mistake.
 const MAX_VALUES: usize = 1_000_000;
@@ -24,7 +24,7 @@ impl Axis {
     /// is text; `lin(a, b, n)` and `log(a, b, n)` are n values from a to b, equally spaced or in equal
     /// ratios.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let error = |message: &str| format!("--set {}: {}", shown(text), shown(message));
+        let error = |message: &str| format!("{}: {}", set(shown(text)), shown(message));
         let Some((key, list)) = text.split_once('=') else {
             return Err(error("must read KEY=V1,V2,…, for example contact.restitution=0.8,0.9"));
         };

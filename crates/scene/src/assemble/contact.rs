@@ -108,7 +108,7 @@ impl Assembler<'_> {
     /// negligible, since the number of images is not limited.
     fn check_normal(&mut self, path: &[String], normal: glam::DVec3, domain: &DomainPlan) {
         if !normal.is_finite() {
-            self.document.report(path, "must not be zero");
+            self.document.refuse(path, "must not be zero");
             return;
         }
         let repeats = |axis: &usize| normal[*axis] != 0.0 && domain.boundary[*axis] == Boundary::Periodic;
@@ -118,7 +118,7 @@ impl Assembler<'_> {
                 "must be exactly 0 along {name}, which is periodic: the plane would not repeat with the box; make {name} \
                  \"wall\" or \"open\" in domain.boundary"
             );
-            self.document.report(path, message);
+            self.document.refuse(path, message);
         }
     }
 
@@ -190,7 +190,7 @@ impl Assembler<'_> {
                 continue;
             };
             let [a, b] = between.as_slice() else {
-                self.document.report(&path("between"), "must have two names");
+                self.document.refuse(&path("between"), "must have two names");
                 continue;
             };
             let mut find = |name: &String| -> Option<usize> {
@@ -255,7 +255,7 @@ impl Assembler<'_> {
         let path = |key: &str| item("wall", k, key);
         let accommodation = config.accommodation.unwrap_or(1.0);
         if !(0.0..=1.0).contains(&accommodation) {
-            self.document.report(&path("accommodation"), "must be a probability, from 0 to 1");
+            self.document.refuse(&path("accommodation"), "must be a probability, from 0 to 1");
         }
         let Some(temperature) = config.temperature else {
             if config.accommodation.is_some() {
@@ -327,8 +327,7 @@ impl Assembler<'_> {
             Ok(table) if sound => Some(Restitution::Table(table)),
             Ok(_) => None,
             Err(error) => {
-                let why = format!("{} {}", error.value, error.allowed);
-                self.document.report(&sub(error.parameter), &why);
+                self.document.refuse_part(&sub(error.parameter), error.value, error.allowed);
                 None
             }
         }
@@ -346,7 +345,7 @@ impl Assembler<'_> {
                 if (0.0..=1.0).contains(e) {
                     return Some(Restitution::Constant(*e));
                 }
-                self.document.report(path, "must be in [0, 1]");
+                self.document.refuse(path, "must be in [0, 1]");
                 return None;
             }
             RestitutionConfig::Model(model) => model,
@@ -400,7 +399,7 @@ impl Assembler<'_> {
         let speed = model.speed.unwrap_or(1.0);
         let exponent = model.exponent.unwrap_or(0.75);
         if !(0.0..=1.0).contains(&restitution) {
-            self.document.report(&sub("restitution"), "must be in [0, 1]");
+            self.document.refuse(&sub("restitution"), "must be in [0, 1]");
             sound = false;
         }
         sound &= positive(&mut self.document, &sub("speed"), speed);
@@ -423,7 +422,7 @@ impl Assembler<'_> {
         let given = model.parameters.clone().unwrap_or_default();
         let Some(made) = make_law(name, &given) else {
             let known: Vec<String> = law_names().into_iter().map(|name| format!("\"{name}\"")).collect();
-            self.document.report(&sub(&["model"]), format!("must be one of {}", known.join(", ")));
+            self.document.refuse(&sub(&["model"]), format!("must be one of {}", known.join(", ")));
             return None;
         };
         let mut sound = true;
@@ -453,13 +452,9 @@ impl Assembler<'_> {
 
     /// Reports what is wrong with the parameters of a plug-in.
     pub(super) fn report_faults(&mut self, parameters: &[String], faults: Vec<Fault>) {
-        for Fault { key, is_missing, why } in faults {
+        for Fault { key, why } in faults {
             let at: Vec<String> = parameters.iter().cloned().chain([key]).collect();
-            if is_missing {
-                self.document.report_missing(&at, why);
-            } else {
-                self.document.report(&at, why);
-            }
+            self.document.report_why(&at, why);
         }
     }
 }

@@ -83,7 +83,7 @@ impl Assembler<'_> {
         let has_size = config.size.is_some() || config.packing_fraction.is_some() || (species && from_file);
         let size = config.size.as_ref().and_then(|given| {
             if given.len() != d {
-                self.document.report(&size_path, format!("must have {d} numbers, one per dimension"));
+                self.document.refuse(&size_path, format!("must have {d} numbers, one per dimension"));
                 return None;
             }
             let mut sound = true;
@@ -100,7 +100,7 @@ impl Assembler<'_> {
             if config.size.is_some() {
                 self.document.report(&fraction_path, "contradicts domain.size: give one of the two");
             } else if !(fraction > 0.0 && fraction < 1.0) {
-                self.document.report(&fraction_path, "must be in (0, 1)");
+                self.document.refuse(&fraction_path, "must be in (0, 1)");
             } else if !species {
                 self.document.report(&fraction_path, "needs [[species]] to make a box for; give domain.size");
             }
@@ -111,7 +111,7 @@ impl Assembler<'_> {
         let boundary_path = at(["domain", "boundary"]);
         if let Some(given) = &config.boundary {
             if given.len() != d && given.len() != 3 {
-                self.document.report(&boundary_path, format!("must have {d} entries, one per dimension"));
+                self.document.refuse(&boundary_path, format!("must have {d} entries, one per dimension"));
             } else {
                 for (k, kind) in given.iter().enumerate() {
                     boundary[k] = match kind {
@@ -121,7 +121,7 @@ impl Assembler<'_> {
                     };
                 }
                 if d == 2 && boundary[2] == Boundary::Wall {
-                    self.document.report(&boundary_path, "must not have walls along z in two dimensions");
+                    self.document.refuse(&boundary_path, "must not have walls along z in two dimensions");
                 }
             }
         }
@@ -147,7 +147,7 @@ impl Assembler<'_> {
                 let message = format!(
                     "must be 0 along {name}, which is periodic: bodies would fall forever; make it \"wall\" or \"open\""
                 );
-                self.document.report(&at(["domain", "gravity"]), message);
+                self.document.refuse(&at(["domain", "gravity"]), message);
             }
         }
         let names = boundary.map(|b| match b {

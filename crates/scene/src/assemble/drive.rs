@@ -111,7 +111,7 @@ impl Assembler<'_> {
     fn named_drive(&mut self, k: usize, name: &str, config: &DriveConfig) -> Option<&'static NamedAction> {
         let given = config.parameters.clone().unwrap_or_default();
         let Some(made) = make_action(name, &given) else {
-            self.document.report(&item("drive", k, "kind"), format!("must be one of {}", quoted_names()));
+            self.document.refuse(&item("drive", k, "kind"), format!("must be one of {}", quoted_names()));
             return None;
         };
         match made {
@@ -141,7 +141,7 @@ impl Assembler<'_> {
             return (0..names.all.len() as u32).collect();
         };
         if given.is_empty() {
-            self.document.report(&path, "must name at least one species");
+            self.document.refuse(&path, "must name at least one species");
         }
         let mut species = Vec::with_capacity(given.len());
         for name in &given {

@@ -52,7 +52,7 @@ impl Assembler<'_> {
             let Some(angle) = pendulum.angle else { continue };
             let path = item("pendulum", k, "angle");
             if !angle.is_finite() {
-                self.document.report(&path, "must be a finite number");
+                self.document.refuse(&path, "must be a finite number");
                 continue;
             }
             let Some(length) = pendulum.length else {
@@ -69,7 +69,7 @@ impl Assembler<'_> {
             let Some(angle) = rod.angle else { continue };
             let path = item("rod", k, "angle");
             if !angle.is_finite() {
-                self.document.report(&path, "must be a finite number");
+                self.document.refuse(&path, "must be a finite number");
                 continue;
             }
             let Some(length) = rod.length else {

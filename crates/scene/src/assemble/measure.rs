@@ -64,7 +64,7 @@ impl Assembler<'_> {
             }
         }
         if measure.tracers.is_some_and(|count| count < 1) {
-            self.document.report(&at(["measure", "tracers"]), "must be 1 or more");
+            self.document.refuse(&at(["measure", "tracers"]), "must be 1 or more");
         }
         let profiles = measure.profiles.unwrap_or_default();
         for (index, config) in profiles.iter().enumerate() {
@@ -89,9 +89,9 @@ impl Assembler<'_> {
                 let bins = bin_counts(bins, axes.len());
                 if bins.len() != axes.len() && !axes.is_empty() {
                     let why = format!("must be one number, or {}, one for each axis", axes.len());
-                    self.document.report(&profile(index, "bins"), why);
+                    self.document.refuse(&profile(index, "bins"), why);
                 } else if !bins.iter().all(|&count| count >= 1.0 && count == count.trunc()) {
-                    self.document.report(&profile(index, "bins"), "must be whole numbers, 1 or more");
+                    self.document.refuse(&profile(index, "bins"), "must be whole numbers, 1 or more");
                 } else if bins.iter().product::<f64>() > MAX_CELLS {
                     self.document.report(&profile(index, "bins"), "makes more than 1e7 cells");
                 }
@@ -106,18 +106,18 @@ impl Assembler<'_> {
             }
         }
         if config.samples.is_some_and(|samples| !(1..=1_000_000).contains(&samples)) {
-            self.document.report(&profile(index, "samples"), "must be between 1 and 1e6");
+            self.document.refuse(&profile(index, "samples"), "must be between 1 and 1e6");
         }
         if let Some(range) = &config.range {
             let path = profile(index, "range");
             if range.len() != 2 * axes.len() && !axes.is_empty() {
                 let why = "must have two numbers for each axis: [low, high], or [low, high, low, high]";
-                self.document.report(&path, why);
+                self.document.refuse(&path, why);
             } else if !range.chunks_exact(2).all(|ends| {
                 ends.iter().all(|end| end.is_finite() && end.abs() <= super::values::LARGEST)
                     && ends[0] < ends[1]
             }) {
-                self.document.report(&path, "must be finite, with low < high");
+                self.document.refuse(&path, "must be finite, with low < high");
             }
         }
     }
@@ -138,7 +138,7 @@ impl Assembler<'_> {
             _ => {
                 let why =
                     format!("must be one or several of {}, each once and in this order", letters.join(", "));
-                self.document.report(&path, why);
+                self.document.refuse(&path, why);
                 Vec::new()
             }
         }
@@ -206,7 +206,7 @@ impl Assembler<'_> {
             match make_probe(&name, &config.parameters.unwrap_or_default()) {
                 None => {
                     let why = format!("must be one of these probes: {}", known());
-                    self.document.report(&path("kind"), why);
+                    self.document.refuse(&path("kind"), why);
                 }
                 Some(Err(faults)) => self.report_faults(&path("parameters"), faults),
                 Some(Ok(probe)) => {
@@ -290,7 +290,7 @@ impl Assembler<'_> {
             let edge = system.domain.size[axis];
             if !is_open(axis) && (low < 0.0 || high > edge) {
                 let why = format!("must be within the box, 0 to {edge} along {}", ["x", "y", "z"][axis]);
-                self.document.report(&profile(index, "range"), why);
+                self.document.refuse(&profile(index, "range"), why);
             }
             grid.push(GridAxis { axis, low, high, bins: bins as usize });
         }

@@ -41,7 +41,7 @@ use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
 use crate::model::present::Present;
 use crate::model::scene::Scene;
 use crate::model::state::StateSource;
-use crate::source::error::{ErrorKind, Place, SceneError, SceneErrors};
+use crate::source::error::{Code, ErrorKind, SceneError, SceneErrors};
 use values::{at, storable};
 
 /// Bytes per particle that a run needs, to refuse systems that do not fit: the largest value measured, in a
@@ -170,24 +170,25 @@ fn scene_of(
 
 /// The error of a scene file that is too long.
 pub(crate) fn too_long(name: &str) -> SceneErrors {
-    whole(name, crate::source::weight::too_long(), ErrorKind::Invalid)
+    invalid(name, crate::source::weight::too_long())
 }
 
 /// The error of a scene file that cannot be read.
 pub(crate) fn unreadable(name: &str, why: &std::io::Error) -> SceneErrors {
-    let why = match why.kind() {
-        std::io::ErrorKind::InvalidData => {
-            format!("it is not text; if it is the output of a run: haff run --resume {name}")
-        }
-        _ => why.to_string(),
+    let (code, why) = match why.kind() {
+        std::io::ErrorKind::InvalidData => (Code::NotText, "it is not text".to_owned()),
+        _ => (Code::Unreadable, why.to_string()),
     };
-    whole(name, format!("cannot read the scene: {why}"), ErrorKind::Unreadable)
+    whole(SceneError::of_file(name, code, format!("cannot read the scene: {why}")), ErrorKind::Unreadable)
+}
+
+/// The error of a text that no scene can have.
+pub(crate) fn invalid(name: &str, message: String) -> SceneErrors {
+    whole(SceneError::of_file(name, Code::Syntax, message), ErrorKind::Invalid)
 }
 
 /// An error of a scene file as a whole.
-pub(crate) fn whole(name: &str, message: String, kind: ErrorKind) -> SceneErrors {
-    let file = name.to_owned();
-    let error = SceneError { file, place: Place::Whole, path: String::new(), value: None, message };
+fn whole(error: SceneError, kind: ErrorKind) -> SceneErrors {
     SceneErrors { errors: vec![error], more: 0, source: String::new(), kind }
 }
 
@@ -300,18 +301,18 @@ impl Assembler<'_> {
         if let Some(schema) = self.config.schema
             && schema != 1
         {
-            self.document.report(&at(["schema"]), "must be 1, the only version of the format so far");
+            self.document.refuse(&at(["schema"]), "must be 1, the only version of the format so far");
         }
         self.config.schema = Some(1);
         match self.config.dimension.unwrap_or(3) {
             2 => self.dimension = Dimension::Two,
             3 => {}
-            _ => self.document.report(&at(["dimension"]), "must be 2 or 3"),
+            _ => self.document.refuse(&at(["dimension"]), "must be 2 or 3"),
         }
         self.config.dimension = Some(self.dimension.count() as i64);
         match u64::try_from(self.config.seed.unwrap_or(0)) {
             Ok(seed) => self.seed = seed,
-            Err(_) => self.document.report(&at(["seed"]), "must be in 0..=9223372036854775807"),
+            Err(_) => self.document.refuse(&at(["seed"]), "must be in 0..=9223372036854775807"),
         }
         self.config.seed = Some(self.seed as i64);
         if let Some(title) = &self.config.title {
@@ -342,7 +343,7 @@ impl Assembler<'_> {
         };
         let blocks = engine.blocks.map(|blocks| u16::try_from(blocks).unwrap_or(0));
         if blocks.is_some_and(|blocks| !(1..=1024).contains(&blocks)) {
-            self.document.report(&at(["engine", "blocks"]), "must be in 1..=1024");
+            self.document.refuse(&at(["engine", "blocks"]), "must be in 1..=1024");
         }
         Options { neighbors, simd, blocks }
     }
@@ -359,17 +360,17 @@ impl Assembler<'_> {
         let d = self.dimension.count();
         if values.len() != d && values.len() != 3 {
             let form = if d == 2 { "two numbers (or three, the last one 0)" } else { "three numbers" };
-            self.document.report(path, format!("must have {form}"));
+            self.document.refuse(path, format!("must have {form}"));
             return DVec3::ZERO;
         }
         if let Some(k) = values.iter().position(|&x| bounds::component(x).is_err()) {
             let mut element = path.to_vec();
             element.push(k.to_string());
-            self.document.report(&element, bounds::FINITE);
+            self.document.refuse(&element, bounds::FINITE);
             return DVec3::ZERO;
         }
         if d == 2 && values.len() == 3 && values[2] != 0.0 {
-            self.document.report(path, "must have z = 0 in two dimensions");
+            self.document.refuse(path, "must have z = 0 in two dimensions");
             return DVec3::ZERO;
         }
         DVec3::new(values[0], values[1], if d == 3 { values[2] } else { 0.0 })

@@ -45,7 +45,7 @@ impl Assembler<'_> {
             self.document
                 .report(&path, "is for walls with a velocity: an oscillation has its phase at time 0");
         } else if time.is_nan() || time.abs() > LARGEST {
-            self.document.report(&path, "must be a finite time, at most 1e50 in size");
+            self.document.refuse(&path, "must be a finite time, at most 1e50 in size");
         } else {
             return Some(time);
         }
@@ -57,7 +57,7 @@ impl Assembler<'_> {
         let displacement = config.displacement.unwrap_or(0.0);
         if displacement.is_nan() || displacement.abs() > LARGEST {
             self.document
-                .report(&item("wall", k, "displacement"), "must be a finite length, at most 1e50 in size");
+                .refuse(&item("wall", k, "displacement"), "must be a finite length, at most 1e50 in size");
             return 0.0;
         }
         displacement
@@ -77,7 +77,7 @@ impl Assembler<'_> {
             let edge = (domain.size * normal.abs()).element_sum();
             if displacement < -FARTHEST * edge {
                 let why = format!("must be at least {}, half the edge of the box outside", -FARTHEST * edge);
-                self.document.report(&item("wall", k, "displacement"), why);
+                self.document.refuse(&item("wall", k, "displacement"), why);
             }
         }
         let diameter = 2.0 * rows.largest_radius();
@@ -141,7 +141,7 @@ impl Assembler<'_> {
             (number("amplitude", motion.amplitude), number("frequency", motion.frequency));
         let phase = motion.phase.unwrap_or(0.0);
         if !phase.is_finite() {
-            self.document.report(&path("phase"), "must be a finite number of radians");
+            self.document.refuse(&path("phase"), "must be a finite number of radians");
             return None;
         }
         if let Some(motion) = self.config.wall.as_mut().and_then(|walls| walls[k].motion.as_mut()) {
@@ -194,7 +194,7 @@ impl Assembler<'_> {
                         "must be less than the distance {gap} from the opposite wall \"{}\"{own}",
                         other.name
                     );
-                    self.document.report(&path, why);
+                    self.document.refuse(&path, why);
                 }
             }
             for (row, position, radius) in &fixed {
@@ -203,7 +203,7 @@ impl Assembler<'_> {
                     let why = format!(
                         "must be at most {gap}: the wall would sweep through the fixed particle {row}"
                     );
-                    self.document.report(&path, why);
+                    self.document.refuse(&path, why);
                 }
             }
         }

@@ -103,7 +103,7 @@ impl Assembler<'_> {
             if name.trim().is_empty() {
                 // Walls without a name have been reported.
                 if path[0] != "wall" || !self.document.was_reported(&path) {
-                    self.document.report(&path, "must not be empty");
+                    self.document.refuse(&path, "must not be empty");
                 }
                 continue;
             }

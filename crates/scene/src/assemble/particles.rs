@@ -122,7 +122,7 @@ impl Assembler<'_> {
             let count = match config.count {
                 Some(count) if count >= 1 => count as usize,
                 Some(_) => {
-                    self.document.report(&path("count"), "must be 1 or more");
+                    self.document.refuse(&path("count"), "must be 1 or more");
                     1
                 }
                 None => {

@@ -59,7 +59,7 @@ impl Assembler<'_> {
         let off = (center - wall.point).dot(wall.normal);
         let scale = center.abs().max(wall.point.abs()).max_element().max(radius);
         if off.abs() > IN_PLANE * scale {
-            self.document.report(&path, format!("must be in the plane: it is {off:e} above it"));
+            self.document.refuse(&path, format!("must be in the plane: it is {off:e} above it"));
         }
         Some(Hole { center: center - wall.normal * off, radius })
     }
@@ -81,7 +81,7 @@ impl Assembler<'_> {
             let along = domain.gravity.dot(wall.normal);
             if along.abs() > 1e-12 * domain.gravity.length() {
                 let why = "must be perpendicular to gravity: grains do not rest on a partition";
-                self.document.report(&item("wall", k, "plane.normal"), why);
+                self.document.refuse(&item("wall", k, "plane.normal"), why);
             }
             let Some(hole) = &partition.hole else { continue };
             if domain.boundary[..self.dimension.count()].contains(&Boundary::Periodic) {
@@ -90,7 +90,7 @@ impl Assembler<'_> {
             }
             if hole.radius < largest * bounds::LEAST_HOLE {
                 let why = format!("must be larger than the radius of every particle, {largest}");
-                self.document.report(&item("wall", k, "plane.hole.radius"), why);
+                self.document.refuse(&item("wall", k, "plane.hole.radius"), why);
             }
         }
     }

@@ -30,7 +30,7 @@ impl Assembler<'_> {
         if let Some(collisions) = run.collisions
             && collisions < 1
         {
-            self.document.report(&at(["run", "collisions"]), "must be 1 or more");
+            self.document.refuse(&at(["run", "collisions"]), "must be 1 or more");
         }
         let per_particle = at(["run", "collisions_per_particle"]);
         if let Some(count) = run.collisions_per_particle {
@@ -53,18 +53,18 @@ impl Assembler<'_> {
             match wall_time {
                 WallTimeConfig::Seconds(seconds) => {
                     if !(*seconds > 0.0 && *seconds <= MAX_WALL_TIME) {
-                        self.document.report(&path, "must be a positive number of seconds, at most 1e10");
+                        self.document.refuse(&path, "must be a positive number of seconds, at most 1e10");
                     }
                 }
                 WallTimeConfig::Text(text) => match humantime::parse_duration(text) {
                     Ok(time) if !time.is_zero() && time.as_secs_f64() <= MAX_WALL_TIME => {}
                     Ok(_) => {
-                        self.document.report(&path, "must be more than nothing and at most three centuries");
+                        self.document.refuse(&path, "must be more than nothing and at most three centuries");
                     }
                     Err(error) => {
                         let text =
                             format!("must be a duration such as \"90s\", \"2h\" or \"1h 30m\": {error}");
-                        self.document.report(&path, text);
+                        self.document.refuse(&path, text);
                     }
                 },
             }
@@ -81,7 +81,7 @@ impl Assembler<'_> {
                 self.document.report(&at(["output", "events"]), "contradicts output.file = false");
             }
             Some(OutputFileConfig::Path(path)) if path.trim().is_empty() => {
-                self.document.report(&at(["output", "file"]), "must be a path or false");
+                self.document.refuse(&at(["output", "file"]), "must be a path or false");
             }
             Some(OutputFileConfig::Path(path)) => storable(&mut self.document, &at(["output", "file"]), path),
             _ => {}
@@ -95,7 +95,7 @@ impl Assembler<'_> {
                 ),
                 Some(columns) => {
                     if columns.iter().enumerate().any(|(k, column)| columns[..k].contains(column)) {
-                        self.document.report(&path, "must name each column once");
+                        self.document.refuse(&path, "must name each column once");
                     }
                 }
             }
@@ -113,10 +113,10 @@ impl Assembler<'_> {
                     Some([first, factor]) => {
                         positive(&mut self.document, &at(["output", key, "log"]), *first);
                         if !(*factor > 1.0 && factor.is_finite()) {
-                            self.document.report(&at(["output", key, "log"]), "must have a factor > 1");
+                            self.document.refuse(&at(["output", key, "log"]), "must have a factor > 1");
                         }
                     }
-                    Some(_) => self.document.report(&at(["output", key, "log"]), "must be [first, factor]"),
+                    Some(_) => self.document.refuse(&at(["output", key, "log"]), "must be [first, factor]"),
                     None => self.document.report_missing(&path, "must have log = [first, factor]"),
                 },
                 Some(ScheduleConfig::Off(_)) | None => {}

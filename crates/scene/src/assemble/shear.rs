@@ -70,7 +70,7 @@ impl Assembler<'_> {
         let rate = match config.rate {
             Some(rate) if bounds::component(rate).is_ok() => rate,
             Some(_) => {
-                self.document.report(&path("rate"), bounds::FINITE);
+                self.document.refuse(&path("rate"), bounds::FINITE);
                 0.0
             }
             None => {
@@ -80,7 +80,7 @@ impl Assembler<'_> {
         };
         let offset = config.offset.unwrap_or(0.0);
         if bounds::component(offset).is_err() {
-            self.document.report(&path("offset"), bounds::FINITE);
+            self.document.refuse(&path("offset"), bounds::FINITE);
         }
         let axes = self.dimension.count();
         if domain.boundary[..axes].iter().any(|&boundary| boundary != Boundary::Periodic) {
@@ -95,7 +95,7 @@ impl Assembler<'_> {
         }
         let (flow, gradient) = (flow?, gradient?);
         if flow == gradient {
-            self.document.report(&path("gradient"), "must be another axis than domain.shear.flow");
+            self.document.refuse(&path("gradient"), "must be another axis than domain.shear.flow");
             return None;
         }
         Some(Shear { flow, gradient, rate, offset })
@@ -112,7 +112,7 @@ impl Assembler<'_> {
         let found = letters.iter().position(|&letter| letter == name);
         if found.is_none() {
             let known = if letters.len() == 2 { "\"x\" or \"y\"" } else { "\"x\", \"y\" or \"z\"" };
-            self.document.report(&path, format!("must be {known}"));
+            self.document.refuse(&path, format!("must be {known}"));
         }
         found
     }
@@ -130,10 +130,10 @@ impl Assembler<'_> {
         let why = "must be finite in a sheared box (domain.shear)";
         let infinite = |mass: MassLaw| matches!(mass, MassLaw::Mass(mass) if mass == f64::INFINITY);
         for (k, _) in species.iter().enumerate().filter(|(_, plan)| infinite(plan.mass)) {
-            self.document.report(&item("species", k, "mass"), why);
+            self.document.refuse(&item("species", k, "mass"), why);
         }
         for (k, _) in explicit.iter().enumerate().filter(|(_, plan)| infinite(plan.mass)) {
-            self.document.report(&item("particle", k, "mass"), why);
+            self.document.refuse(&item("particle", k, "mass"), why);
         }
     }
 

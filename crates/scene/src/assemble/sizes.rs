@@ -189,7 +189,7 @@ impl Assembler<'_> {
             ("uniform", &[a, b]) => RadiusLaw::Uniform(a, b),
             ("power", &[min, max, exponent]) => {
                 if !(-100.0..=100.0).contains(&exponent) {
-                    self.document.report(&at, "must have an exponent from −100 to 100");
+                    self.document.refuse(&at, "must have an exponent from −100 to 100");
                     return fallback;
                 }
                 RadiusLaw::Power { min, max, power: exponent + 1.0 }
@@ -199,7 +199,7 @@ impl Assembler<'_> {
             _ => return fallback,
         };
         if law.range()[0] > law.range()[1] {
-            self.document.report(&at, "must have the smaller radius first");
+            self.document.refuse(&at, "must have the smaller radius first");
             return fallback;
         }
         law
@@ -230,11 +230,11 @@ impl Assembler<'_> {
                 radii.len(),
                 weights.len()
             );
-            self.document.report(&at, why);
+            self.document.refuse(&at, why);
             return None;
         }
         if let Some(radius) = radii.iter().find(|radius| !(**radius > 0.0 && radius.is_finite())) {
-            self.document.report(&at, format!("must have positive radii, not {radius}"));
+            self.document.refuse(&at, format!("must have positive radii, not {radius}"));
             return None;
         }
         let mut sum = 0.0;
@@ -247,7 +247,7 @@ impl Assembler<'_> {
             .collect();
         let sound = weights.iter().all(|weight| *weight >= 0.0) && sum > 0.0 && sum.is_finite();
         if !sound {
-            self.document.report(&at, "must have weights of zero or more, and one above zero");
+            self.document.refuse(&at, "must have weights of zero or more, and one above zero");
             return None;
         }
         if let Some(Some(species)) = self.config.species.as_mut().map(|species| species.get_mut(k))
@@ -270,7 +270,7 @@ impl Assembler<'_> {
         let ratio = sd / mean;
         if name != "normal" && ratio > WIDEST {
             let why = format!("must have a standard deviation of at most {WIDEST} means");
-            self.document.report(&path(&format!("radius.{name}")), why);
+            self.document.refuse(&path(&format!("radius.{name}")), why);
             return None;
         }
         let variance = libm::log1p(ratio * ratio);
@@ -298,7 +298,7 @@ impl Assembler<'_> {
             _ => far((min - mean) / sd, (max - mean) / sd),
         };
         if sound && min > max {
-            self.document.report(&path("radius"), format!("must have min ≤ max, not {min} > {max}"));
+            self.document.refuse(&path("radius"), format!("must have min ≤ max, not {min} > {max}"));
             return None;
         }
         if sound && is_far {

@@ -115,7 +115,7 @@ impl Assembler<'_> {
             friction: mu.unwrap_or(inherited.friction),
         };
         if let Err(error) = law.check() {
-            self.document.report(&path(error.parameter), error.allowed);
+            self.document.refuse(&path(error.parameter), error.allowed);
             return inherited;
         }
         if mu.is_some() && law.tangential_restitution == -1.0 {
@@ -144,16 +144,16 @@ impl Assembler<'_> {
                 (Dimension::Two, &[x, y, z]) if (x, y) == (0.0, 0.0) => DVec3::new(0.0, 0.0, z),
                 (Dimension::Three, &[x, y, z]) => DVec3::new(x, y, z),
                 (Dimension::Two, _) => {
-                    self.document.report(&path, "must be one number, or three of which the first two are 0");
+                    self.document.refuse(&path, "must be one number, or three of which the first two are 0");
                     DVec3::ZERO
                 }
                 (Dimension::Three, _) => {
-                    self.document.report(&path, "must have three numbers");
+                    self.document.refuse(&path, "must have three numbers");
                     DVec3::ZERO
                 }
             };
             if bounds::vector(spin).is_err() {
-                self.document.report(&path, "must be finite numbers, at most 1e50 in size");
+                self.document.refuse(&path, "must be finite numbers, at most 1e50 in size");
             }
             cause.get_or_insert(path);
             spins.push(spin);
@@ -181,14 +181,14 @@ impl Assembler<'_> {
             let Some(q) = q else { continue };
             // A literal of 2/3 may be rounded up.
             if !(q > 0.0 && q <= largest * (1.0 + 1e-12)) {
-                self.document.report(&path, allowed);
+                self.document.refuse(&path, allowed);
             } else if !has_spin {
                 let why = "has no effect without spin: give contact.tangential_restitution above −1, or \
                            initial.rotational_temperature";
                 self.document.report(&path, why);
             } else if inertia[group].is_some_and(|other| other != q) {
                 let why = format!("must be the same for all particles named \"{}\"", names.all[group]);
-                self.document.report(&path, why);
+                self.document.refuse(&path, why);
             }
             inertia[group] = Some(q);
         }

@@ -38,7 +38,7 @@ impl Assembler<'_> {
                 let known: Vec<String> = surface_names().iter().map(|name| format!("\"{name}\"")).collect();
                 let known = if known.is_empty() { "this program has none".into() } else { known.join(", ") };
                 let why = format!("must be one of these surfaces: {known}");
-                self.document.report(&item("wall", k, "surface"), why);
+                self.document.refuse(&item("wall", k, "surface"), why);
                 return None;
             }
             Some(Err(faults)) => {

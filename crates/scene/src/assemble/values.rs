@@ -22,7 +22,7 @@ pub(super) fn item(list: &str, index: usize, key: &str) -> Path {
 /// Reports a value that is not possible, with what is allowed. Returns whether it is possible.
 fn checked(document: &mut Document, path: &[String], check: Result<(), &'static str>) -> bool {
     if let Err(why) = check {
-        document.report(path, why);
+        document.refuse(path, why);
     }
     check.is_ok()
 }
@@ -40,7 +40,7 @@ pub(super) fn not_negative(document: &mut Document, path: &[String], value: f64)
 /// Reports a text that HDF5 files and the system's file names cannot hold.
 pub(super) fn storable(document: &mut Document, path: &[String], text: &str) {
     if text.contains('\0') {
-        document.report(path, "must not contain the character NUL (U+0000), which files cannot store");
+        document.refuse(path, "must not contain the character NUL (U+0000), which files cannot store");
     }
 }
 

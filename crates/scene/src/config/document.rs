@@ -10,9 +10,9 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
 use crate::config::joints::{PendulumConfig, RodConfig, SpringConfig};
-use crate::config::misplaced::hint;
+use crate::config::misplaced::meant;
 use crate::config::{DriveConfig, PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
-use crate::source::error::{Place, SceneError, SceneErrors};
+use crate::source::error::{Code, Place, SceneError, SceneErrors, Why};
 use crate::source::read::{Reading, Unknown, read};
 pub(crate) use crate::source::tree::Path;
 use crate::source::tree::{Converter, Node, Origin, Table, Value};
@@ -67,7 +67,7 @@ struct Errors {
 struct Draft {
     path: Path,
     value: Option<String>,
-    message: String,
+    why: Why,
 }
 
 impl Errors {
@@ -162,7 +162,8 @@ impl Document {
     /// An error of a text that cannot be read.
     fn garble(&mut self, rank: Rank, message: String) {
         self.garbled = true;
-        self.errors.add(rank, || Draft { path: Vec::new(), value: None, message });
+        let why = Why::new(Code::Syntax, message);
+        self.errors.add(rank, || Draft { path: Vec::new(), value: None, why });
     }
 
     /// Adds an error of the file as a whole.
@@ -181,7 +182,7 @@ impl Document {
             let rank = Rank::of(integer.origin).unwrap_or(Rank::Whole);
             let (path, value) =
                 (integer.path, Some(crate::source::text::cut(&integer.text, 60).into_owned()));
-            self.errors.add(rank, || Draft { path, value, message: allowed.to_owned() });
+            self.errors.add(rank, || Draft { path, value, why: Why::value(allowed) });
         }
     }
 
@@ -245,7 +246,7 @@ impl Document {
                 Err(misfit) => misfit,
             };
             let at = misfit.path.unwrap_or_else(|| path.to_vec());
-            self.report(&at, misfit.message);
+            self.report_why(&at, misfit.why);
             self.reported.add(&at);
             if !self.root.take_out(&at, path.len()) {
                 return T::default();
@@ -269,7 +270,7 @@ impl Document {
             self.errors.add(rank, || Draft {
                 path: [path.as_slice(), &[key.to_owned()]].concat(),
                 value: Some(node.value.show()),
-                message: unknown_key(&path, key, known),
+                why: unknown_key(&path, key, known),
             });
         }
         if let Some(Node { value: Value::Table(table), .. }) = self.root.get_mut(&path) {
@@ -277,16 +278,32 @@ impl Document {
         }
     }
 
-    /// Adds an error at `path`, placed at the key or at the nearest table above it.
+    /// Adds an error at `path`, placed at the key or at the nearest table above it: a value that other keys,
+    /// the particles or a state exclude.
     pub(crate) fn report(&mut self, path: &[String], message: impl Into<String>) {
+        self.report_why(path, Why::new(Code::Conflict, message));
+    }
+
+    /// Adds an error at `path` for a value that is not allowed; `must` is what is: "must be in [0, 1]".
+    pub(crate) fn refuse(&mut self, path: &[String], must: impl Into<String>) {
+        self.report_why(path, Why::value(must));
+    }
+
+    /// As [`Self::refuse`] for a number in the array at `path`.
+    pub(crate) fn refuse_part(&mut self, path: &[String], part: f64, must: &str) {
+        self.report_why(path, Why { message: format!("{part} {must}"), ..Why::value(must) });
+    }
+
+    /// Adds an error at `path`.
+    pub(crate) fn report_why(&mut self, path: &[String], why: Why) {
         let value = self.root.get(path).map(|node| node.value.show());
-        self.push(path, value, message.into());
+        self.push(path, value, why);
     }
 
     /// Adds an error for a missing key at `path`, unless an invalid one has been reported there.
     pub(crate) fn report_missing(&mut self, path: &[String], message: impl Into<String>) {
         if !self.was_reported(path) {
-            self.push(path, None, message.into());
+            self.push(path, None, Why::new(Code::Missing, message));
         }
     }
 
@@ -341,14 +358,17 @@ impl Document {
             },
             path: draft.path.join("."),
             value: draft.value,
-            message: draft.message,
+            code: draft.why.code,
+            message: draft.why.message,
+            allowed: draft.why.allowed,
+            meant: draft.why.meant,
         });
         (errors.collect(), more, self.source)
     }
 
-    fn push(&mut self, path: &[String], value: Option<String>, message: String) {
+    fn push(&mut self, path: &[String], value: Option<String>, why: Why) {
         let rank = self.rank(path);
-        self.errors.add(rank, || Draft { path: path.to_vec(), value, message });
+        self.errors.add(rank, || Draft { path: path.to_vec(), value, why });
     }
 
     /// The position of a key, or of the nearest table above it that has one.
@@ -495,13 +515,11 @@ fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-fn unknown_key(path: &[String], key: &str, known: &[&str]) -> String {
-    let allowed = known.join(", ");
-    if let Some(hint) = hint(path, key, known) {
-        return format!("unknown key; did you mean {hint}? (allowed: {allowed})");
-    }
-    match crate::source::text::nearest(key, known.iter().copied()) {
-        Some(near) => format!("unknown key; did you mean `{near}`? (allowed: {allowed})"),
-        None => format!("unknown key (allowed: {allowed})"),
-    }
+fn unknown_key(path: &[String], key: &str, known: &[&str]) -> Why {
+    let (allowed, meant) = (known.join(", "), meant(path, key, known));
+    let (hint, paths): (Vec<String>, Vec<String>) =
+        meant.iter().map(|key| (key.show(), key.path(path))).unzip();
+    let hint = if hint.is_empty() { String::new() } else { format!("; did you mean {}?", hint.join(" or ")) };
+    let why = Why::new(Code::UnknownKey, format!("unknown key{hint} (allowed: {allowed})"));
+    Why { allowed: Some(allowed), meant: paths, ..why }
 }

@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 /// A particle at the end of a massless string or rod whose other end does not move.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["pivot", "bob"]))]
 pub struct PendulumConfig {
     /// Name, for messages.
     pub name: Option<String>,
     /// The end that does not move [length].
-    #[schemars(required, length(min = 2, max = 3))]
+    #[schemars(length(min = 2, max = 3))]
     pub pivot: Option<Vec<f64>>,
     /// From the pivot to the center of the bob [length]; default: their distance at the start.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub length: Option<f64>,
     /// Name of the particle that hangs on it.
-    #[schemars(required)]
     pub bob: Option<String>,
     /// `string` (default): it only pulls, and goes slack under compression. `rod`: rigid, turning freely
     /// about the pivot.
@@ -42,17 +42,18 @@ pub enum TetherConfig {
 /// A massless linear spring between two particles, or between a particle and a point.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["between", "stiffness"]))]
 pub struct SpringConfig {
     /// Name, for messages.
     pub name: Option<String>,
     /// Names of its two particles, or of one beside `point`.
-    #[schemars(required, length(min = 1, max = 2))]
+    #[schemars(length(min = 1, max = 2))]
     pub between: Option<Vec<String>>,
     /// The end that does not move [length], in place of a second particle.
     #[schemars(length(min = 2, max = 3))]
     pub point: Option<Vec<f64>>,
     /// k [force/length].
-    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub stiffness: Option<f64>,
     /// Length without force [length]; default: that at the start.
     #[schemars(range(min = 0.0))]
@@ -62,11 +63,12 @@ pub struct SpringConfig {
 /// A massless rigid rod between the centers of two particles, which turns freely at both.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["between"]))]
 pub struct RodConfig {
     /// Name, for messages.
     pub name: Option<String>,
     /// Names of its two particles.
-    #[schemars(required, length(equal = 2))]
+    #[schemars(length(equal = 2))]
     pub between: Option<Vec<String>>,
     /// Distance of their centers [length]; default: that at the start.
     #[schemars(extend("exclusiveMinimum" = 0))]

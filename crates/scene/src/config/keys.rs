@@ -89,15 +89,15 @@ pub struct DomainConfig {
 /// Simple shear.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["flow", "gradient", "rate"]))]
 pub struct ShearConfig {
     /// Axis of the flow: `x`, `y` or `z`.
-    #[schemars(required)]
+    #[schemars(extend("enum" = ["x", "y", "z"]))]
     pub flow: Option<String>,
     /// Axis along which the velocity grows; another one.
-    #[schemars(required)]
+    #[schemars(extend("enum" = ["x", "y", "z"]))]
     pub gradient: Option<String>,
     /// Shear rate [1/time], of either sign.
-    #[schemars(required)]
     pub rate: Option<f64>,
     /// Displacement along the flow of the image across the upper face of the gradient axis at the start
     /// [length]. Default 0, or that of the file that the run starts from.
@@ -119,17 +119,16 @@ pub enum BoundaryConfig {
 /// A kind of particle.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["name", "count", "radius"]))]
 pub struct SpeciesConfig {
     /// Name, used by `contact.pair` and in output files.
-    #[schemars(required)]
     pub name: Option<String>,
     /// Number of particles.
     #[serde(deserialize_with = "whole")]
-    #[schemars(required, range(min = 1))]
+    #[schemars(range(min = 1))]
     pub count: Option<i64>,
     /// Radius [length]: a number or a distribution. At least 2⁻⁴² of the largest coordinate: below that,
     /// rounding would decide which particles touch.
-    #[schemars(required)]
     pub radius: Option<RadiusConfig>,
     /// Mass [mass]; `inf` for fixed bodies. Either this or `density`.
     #[schemars(extend("exclusiveMinimum" = 0))]
@@ -203,9 +202,10 @@ pub enum SizeTableConfig {
 /// Radii and their weights.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["radii"]))]
 pub struct SizesConfig {
     /// Radii [length].
-    #[schemars(required, length(min = 1))]
+    #[schemars(length(min = 1))]
     pub radii: Option<Vec<f64>>,
     /// How often each is drawn, relative to the sum; default all the same.
     pub weights: Option<Vec<f64>>,
@@ -256,9 +256,9 @@ pub enum PackingConfig {
 /// A file with states: an output file of haff, GSD, extended XYZ (`.xyz`, `.extxyz`) or CSV.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["file"]))]
 pub struct FileConfig {
     /// Path, relative to the current directory.
-    #[schemars(required)]
     pub file: Option<String>,
     /// Which frame; from the end if negative. Default −1, the last.
     #[serde(deserialize_with = "whole")]
@@ -268,6 +268,7 @@ pub struct FileConfig {
 /// A particle placed by hand.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["radius"]))]
 pub struct ParticleConfig {
     /// Name, default `particle`; particles of one name share their contact rules.
     pub name: Option<String>,
@@ -286,7 +287,7 @@ pub struct ParticleConfig {
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
     pub inertia: Option<f64>,
     /// Radius [length]; at least 2⁻⁴² of the largest coordinate.
-    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: Option<f64>,
     /// Mass [mass]; `inf` for a body that is fixed or, with a velocity, driven. Either this or `density`.
     #[schemars(extend("exclusiveMinimum" = 0))]
@@ -330,9 +331,10 @@ pub struct ContactConfig {
 /// The contact rule of two names.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["between"]))]
 pub struct PairConfig {
     /// Two names of species, particles or walls (not two walls).
-    #[schemars(required, length(equal = 2))]
+    #[schemars(length(equal = 2))]
     pub between: Option<Vec<String>>,
     /// Coefficient of restitution. Either this or `sticks`; default that of `[contact]` if the entry makes
     /// the contact rough.
@@ -374,8 +376,10 @@ pub struct RestitutionModelConfig {
     /// Parameters of a law that the program was built with.
     pub parameters: Option<BTreeMap<String, serde_json::Value>>,
     /// Table: increasing approach speeds [length/time].
+    #[schemars(inner(range(min = 0.0)))]
     pub speeds: Option<Vec<f64>>,
     /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub values: Option<Vec<f64>>,
     /// viscoelastic: δ at unit approach speed [(time/length)^(1/5)].
     #[schemars(range(min = 0.0))]
@@ -426,10 +430,10 @@ fn add_names_of_drives(schema: &mut schemars::Schema) {
 /// A plane wall; it fills the half-space behind it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["name"]))]
 pub struct WallConfig {
     /// Name, used by `contact.pair`. The name of a wall of `domain.boundary` (`x-`, `x+`, `y-`, …) without a
     /// shape sets that wall's properties.
-    #[schemars(required)]
     pub name: Option<String>,
     /// Its plane.
     pub plane: Option<PlaneConfig>,
@@ -474,15 +478,15 @@ pub struct WallConfig {
 /// The oscillation of a wall: a shift along its normal, about its given position.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["kind", "amplitude", "frequency"]))]
 pub struct MotionConfig {
     /// Form of the shift.
-    #[schemars(required)]
     pub kind: Option<MotionKindConfig>,
     /// Largest shift A [length].
-    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub amplitude: Option<f64>,
     /// Cycles in a unit of time, f [1/time].
-    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub frequency: Option<f64>,
     /// Phase at time 0 [radians]; default 0, in a run that goes on the phase that the wall has.
     pub phase: Option<f64>,
@@ -509,14 +513,15 @@ impl WallConfig {
 /// A plane.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["point", "normal"]))]
 pub struct PlaneConfig {
     /// A point of the plane [length]: of a wall with a velocity at its `reference_time`, of one that
     /// oscillates at its mean position.
-    #[schemars(required, length(min = 2, max = 3))]
+    #[schemars(length(min = 2, max = 3))]
     pub point: Option<Vec<f64>>,
     /// Normal to the inside, where the particles are; need not have unit length. Its components along
     /// periodic axes must be exactly 0, so that the plane repeats with the box.
-    #[schemars(required, length(min = 2, max = 3))]
+    #[schemars(length(min = 2, max = 3))]
     pub normal: Option<Vec<f64>>,
     /// A round hole; in two dimensions a gap. The plane is then a partition, with particles on both sides.
     pub hole: Option<HoleConfig>,
@@ -528,21 +533,22 @@ pub struct PlaneConfig {
 /// A hole in a plane.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["center", "radius"]))]
 pub struct HoleConfig {
     /// Its center, a point of the plane [length].
-    #[schemars(required, length(min = 2, max = 3))]
+    #[schemars(length(min = 2, max = 3))]
     pub center: Option<Vec<f64>>,
     /// Its radius [length], larger than that of every particle.
-    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: Option<f64>,
 }
 
 /// A drive of the particles.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["kind"]))]
 pub struct DriveConfig {
     /// What it does.
-    #[schemars(required)]
     pub kind: Option<DriveKindConfig>,
     /// Temperature that it drives to [energy].
     #[schemars(range(min = 0.0))]
@@ -597,9 +603,10 @@ pub struct MeasureConfig {
 /// A probe that the program has from another crate.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["kind"]))]
 pub struct ProbeConfig {
     /// Which one.
-    #[schemars(required, schema_with = "names_of_probes")]
+    #[schemars(schema_with = "names_of_probes")]
     pub kind: Option<String>,
     /// Its parameters.
     pub parameters: Option<BTreeMap<String, serde_json::Value>>,
@@ -608,15 +615,14 @@ pub struct ProbeConfig {
 /// A profile: means over the cells of a grid and over intervals of time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["axis", "bins", "interval"]))]
 pub struct ProfileConfig {
     /// One axis, such as `"z"`, or the letters of two or three for a grid, such as `"xz"`.
-    #[schemars(required)]
     pub axis: Option<String>,
     /// Number of cells along the axis, or one number for each axis.
-    #[schemars(required)]
     pub bins: Option<BinsConfig>,
     /// Time between rows [time].
-    #[schemars(required, extend("exclusiveMinimum" = 0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub interval: Option<f64>,
     /// Number of states in the mean of each row; default 10. Contacts count all.
     #[serde(deserialize_with = "whole")]
@@ -792,9 +798,10 @@ pub enum EventsConfig {
 /// Some columns of the event log.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["columns"]))]
 pub struct EventColumnsConfig {
     /// Names of columns, each once. The time is always recorded.
-    #[schemars(required, length(min = 1))]
+    #[schemars(length(min = 1))]
     pub columns: Option<Vec<EventColumnConfig>>,
 }
 
@@ -864,8 +871,9 @@ pub enum ScheduleConfig {
 /// Records at first · factor^k, k = 0, 1, ….
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["log"]))]
 pub struct LogConfig {
     /// `[first, factor]`: first time [time] > 0 and factor > 1.
-    #[schemars(required, length(equal = 2))]
+    #[schemars(length(equal = 2))]
     pub log: Option<Vec<f64>>,
 }

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 
 use crate::config::schema::schema;
+use crate::source::text::nearest;
 
 /// Deepest table that is searched: `wall.motion.…`.
 const DEPTH: usize = 3;
@@ -36,88 +37,126 @@ const SYNONYMS: [(&str, &str); 22] = [
     ("volume_fraction", "packing_fraction"),
 ];
 
-/// A key of scene files: the table that it is in, and whether this is an array of tables.
-#[derive(Debug, PartialEq)]
-struct Place {
+/// A key of scene files.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Key {
+    /// The table that it is in; empty above all tables.
     table: Vec<String>,
-    array: bool,
-    key: String,
+    /// How many of the first names of `table` make an array of tables; 0 for none.
+    array: usize,
+    name: String,
 }
 
-impl Place {
-    /// The key with its table: "`run.until`, in [run]".
-    fn show(&self) -> String {
-        if self.table.is_empty() {
-            return format!("`{}`, above all tables", self.key);
+/// A key that an unknown one may stand for.
+#[derive(Debug, PartialEq)]
+pub(crate) enum Meant {
+    /// Of the same table, with its full name.
+    Beside(Key),
+    /// Of the same table, and nearly the same.
+    Near(String),
+    /// Of another table.
+    Elsewhere(Key),
+}
+
+impl Meant {
+    /// The key for messages: "`run.until`, in [run]".
+    pub(crate) fn show(&self) -> String {
+        match self {
+            Self::Near(name) => format!("`{name}`"),
+            Self::Beside(key) => format!("`{}`", key.dotted()),
+            Self::Elsewhere(key) if key.table.is_empty() => format!("`{}`, above all tables", key.name),
+            Self::Elsewhere(key) => {
+                let table = key.table.join(".");
+                let header =
+                    if key.array == key.table.len() { format!("[[{table}]]") } else { format!("[{table}]") };
+                format!("`{}`, in {header}", key.dotted())
+            }
         }
-        let table = self.table.join(".");
-        let header = if self.array { format!("[[{table}]]") } else { format!("[{table}]") };
-        format!("`{table}.{}`, in {header}", self.key)
+    }
+
+    /// The path of the key for an unknown one of the table `path`: of another array of tables in the first one.
+    pub(crate) fn path(&self, path: &[String]) -> String {
+        let (mut table, name) = match self {
+            Self::Near(name) | Self::Beside(Key { name, .. }) => (path.to_vec(), name),
+            Self::Elsewhere(key) => (key.table.clone(), &key.name),
+        };
+        if let Self::Elsewhere(Key { array: depth @ 1.., .. }) = self {
+            table.insert(*depth, "0".to_owned());
+        }
+        table.push(name.clone());
+        table.join(".")
     }
 }
 
-/// A hint for an unknown key of the table `path`, as "`run.until`, in [run]"; `None` if no table has the key
-/// or one that it may stand for. Positions of an array are left out of the path of a table.
-pub(crate) fn hint(path: &[String], key: &str, known: &[&str]) -> Option<String> {
-    let key = key.to_lowercase();
-    let meant = SYNONYMS.iter().find(|(name, _)| *name == key).map(|(_, meant)| *meant);
-    let own: Vec<&String> = path.iter().filter(|part| part.parse::<usize>().is_err()).collect();
-    if let Some(meant) = meant.filter(|meant| known.contains(meant)) {
-        let full: Vec<&str> = own.iter().map(|part| part.as_str()).chain([meant]).collect();
-        return Some(format!("`{}`", full.join(".")));
+impl Key {
+    fn dotted(&self) -> String {
+        self.table.iter().chain([&self.name]).map(String::as_str).collect::<Vec<_>>().join(".")
     }
-    let mut found: Vec<&Place> = Vec::new();
-    for name in [Some(&*key), meant].into_iter().flatten() {
-        let places = places().iter().filter(|place| place.key == name);
-        found.extend(places.filter(|place| !place.table.iter().eq(own.iter().copied())));
+}
+
+/// What an unknown key of the table `path` may stand for: a name of the field, a key of another table, or a key
+/// of this one with nearly the same name. Positions in an array are no part of the path of a table.
+pub(crate) fn meant(path: &[String], key: &str, known: &[&str]) -> Vec<Meant> {
+    let written = key;
+    let key = key.to_lowercase();
+    let synonym = SYNONYMS.iter().find(|(name, _)| *name == key).map(|(_, meant)| *meant);
+    let own: Vec<String> = path.iter().filter(|part| part.parse::<usize>().is_err()).cloned().collect();
+    if let Some(meant) = synonym.filter(|meant| known.contains(meant)) {
+        return vec![Meant::Beside(Key { table: own, array: 0, name: meant.to_owned() })];
+    }
+    let mut found: Vec<&Key> = Vec::new();
+    for name in [Some(&*key), synonym].into_iter().flatten() {
+        found.extend(keys().iter().filter(|other| other.name == name && other.table != own));
         if !found.is_empty() {
             break;
         }
     }
-    let depth = |place: &Place| (place.table.len(), place.array);
-    let least = found.iter().map(|place| depth(place)).min()?;
-    let nearest = found.iter().filter(|place| depth(place) == least).take(NAMED);
-    let near: Vec<String> = nearest.map(|place| place.show()).collect();
-    Some(near.join(" or "))
+    let depth = |key: &Key| (key.table.len(), key.array > 0 && key.array == key.table.len());
+    let Some(least) = found.iter().map(|key| depth(key)).min() else {
+        let near = nearest(written, known.iter().copied());
+        return near.map(|name| Meant::Near(name.to_owned())).into_iter().collect();
+    };
+    let first = found.into_iter().filter(|key| depth(key) == least).take(NAMED);
+    first.map(|key| Meant::Elsewhere(key.clone())).collect()
 }
 
 /// All keys of scene files.
-fn places() -> &'static [Place] {
-    static PLACES: OnceLock<Vec<Place>> = OnceLock::new();
-    PLACES.get_or_init(|| {
+fn keys() -> &'static [Key] {
+    static KEYS: OnceLock<Vec<Key>> = OnceLock::new();
+    KEYS.get_or_init(|| {
         let schema = schema();
-        let mut places = Vec::new();
-        collect(&schema, &schema, &mut Vec::new(), false, &mut places);
-        places
+        let mut keys = Vec::new();
+        collect(&schema, &schema, &mut Vec::new(), 0, &mut keys);
+        keys
     })
 }
 
 /// Adds the keys of a table and of the tables in it.
-fn collect(schema: &Value, node: &Value, table: &mut Vec<String>, array: bool, places: &mut Vec<Place>) {
+fn collect(schema: &Value, node: &Value, table: &mut Vec<String>, array: usize, keys: &mut Vec<Key>) {
     for (key, value) in node["properties"].as_object().into_iter().flatten() {
-        places.push(Place { table: table.clone(), array, key: key.clone() });
+        keys.push(Key { table: table.clone(), array, name: key.clone() });
         if table.len() < DEPTH {
             table.push(key.clone());
-            descend(schema, value, table, false, places);
+            descend(schema, value, table, array, keys);
             table.pop();
         }
     }
 }
 
 /// Follows references, choices and arrays to tables.
-fn descend(schema: &Value, node: &Value, table: &mut Vec<String>, array: bool, places: &mut Vec<Place>) {
+fn descend(schema: &Value, node: &Value, table: &mut Vec<String>, array: usize, keys: &mut Vec<Key>) {
     if let Some(name) = node["$ref"].as_str().and_then(|path| path.strip_prefix("#/$defs/")) {
-        descend(schema, &schema["$defs"][name], table, array, places);
+        descend(schema, &schema["$defs"][name], table, array, keys);
     }
     for choices in ["anyOf", "oneOf", "allOf"] {
         for choice in node[choices].as_array().into_iter().flatten() {
-            descend(schema, choice, table, array, places);
+            descend(schema, choice, table, array, keys);
         }
     }
     if node["items"].is_object() {
-        descend(schema, &node["items"], table, true, places);
+        descend(schema, &node["items"], table, table.len(), keys);
     }
-    collect(schema, node, table, array, places);
+    collect(schema, node, table, array, keys);
 }
 
 #[cfg(test)]
@@ -126,7 +165,7 @@ mod tests {
 
     fn found(path: &[&str], key: &str, known: &[&str]) -> Option<String> {
         let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
-        hint(&path, key, known)
+        meant(&path, key, known).first().map(Meant::show)
     }
 
     #[test]
@@ -148,11 +187,29 @@ mod tests {
     }
 
     #[test]
+    fn paths_have_the_position_in_arrays_of_tables() {
+        let cases = [
+            (&[][..], "until", &[][..], &["run.until"][..]),
+            (&["run"], "title", &[], &["title"]),
+            (&["species", "1"], "N", &["count"], &["species.1.count"]),
+            (&["run"], "untl", &["until"], &["run.until"]),
+            (&[], "amplitude", &[], &["wall.0.motion.amplitude"]),
+            (&[], "mass", &[], &["particle.0.mass", "species.0.mass"]),
+            (&[], "between", &[], &["rod.0.between", "spring.0.between"]),
+        ];
+        for (path, key, known, expected) in cases {
+            let path: Vec<String> = path.iter().map(|&part| part.to_owned()).collect();
+            let paths: Vec<String> = meant(&path, key, known).iter().map(|key| key.path(&path)).collect();
+            assert_eq!(paths, expected, "{path:?} {key}");
+        }
+    }
+
+    #[test]
     fn synonyms_are_in_order_and_stand_for_keys() {
         assert!(SYNONYMS.is_sorted());
         for (name, meant) in SYNONYMS {
-            assert!(places().iter().any(|place| place.key == meant), "{meant}");
-            assert!(!places().iter().any(|place| place.key == name), "{name} is a key");
+            assert!(keys().iter().any(|key| key.name == meant), "{meant}");
+            assert!(!keys().iter().any(|key| key.name == name), "{name} is a key");
         }
     }
 }

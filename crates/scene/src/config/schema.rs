@@ -38,3 +38,21 @@ fn drop_null(value: &mut Value) {
         Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn required_keys_are_named_and_exist() {
+        let schema = schema();
+        let required = |table: &str| schema["$defs"][table]["required"].as_array().map_or(0, Vec::len);
+        assert_eq!((required("ShearConfig"), required("PlaneConfig"), required("RodConfig")), (3, 2, 1));
+        for (name, table) in schema["$defs"].as_object().unwrap() {
+            for key in table["required"].as_array().into_iter().flatten() {
+                let key = key.as_str().unwrap();
+                assert!(table["properties"].get(key).is_some(), "{name}.{key}");
+            }
+        }
+    }
+}

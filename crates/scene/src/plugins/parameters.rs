@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
+use crate::source::error::{Code, Why};
+
 /// As in the scene, by key.
 pub(crate) type Given = BTreeMap<String, Value>;
 
@@ -11,8 +13,7 @@ pub(crate) type Given = BTreeMap<String, Value>;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Fault {
     pub key: String,
-    pub is_missing: bool,
-    pub why: String,
+    pub why: Why,
 }
 
 /// The parameters that a scene gives to a plug-in.
@@ -62,7 +63,7 @@ impl<'a> Parameters<'a> {
     /// such as "must be below speed".
     pub fn refuse(&mut self, key: &'static str, why: impl Into<String>) {
         self.note(key);
-        self.faults.push(Fault { key: key.to_owned(), is_missing: false, why: why.into() });
+        self.faults.push(Fault { key: key.to_owned(), why: Why::stated(why) });
     }
 
     fn note(&mut self, key: &'static str) {
@@ -71,17 +72,16 @@ impl<'a> Parameters<'a> {
         }
     }
 
-    fn checked(&mut self, key: &'static str, why: &str, instead: f64, allows: impl Fn(f64) -> bool) -> f64 {
+    fn checked(&mut self, key: &'static str, must: &str, instead: f64, allows: impl Fn(f64) -> bool) -> f64 {
         self.note(key);
-        let fault =
-            |is_missing: bool, why: &str| Fault { key: key.to_owned(), is_missing, why: why.to_owned() };
+        let fault = |why: Why| Fault { key: key.to_owned(), why };
         let Some(value) = self.given.get(key) else {
-            self.faults.push(fault(true, "missing: this model needs it"));
+            self.faults.push(fault(Why::new(Code::Missing, "missing: this model needs it")));
             return instead;
         };
         let value = value.as_f64().filter(|value| value.is_finite() && allows(*value));
         value.unwrap_or_else(|| {
-            self.faults.push(fault(false, why));
+            self.faults.push(fault(Why::value(must)));
             instead
         })
     }
@@ -91,7 +91,8 @@ impl<'a> Parameters<'a> {
         let known = if self.read.is_empty() { "it has none".to_owned() } else { self.read.join(", ") };
         for key in self.given.keys().filter(|key| !self.read.contains(&key.as_str())) {
             let why = format!("is no parameter of this model: {known}");
-            self.faults.push(Fault { key: key.clone(), is_missing: false, why });
+            let why = Why { allowed: Some(known.clone()), ..Why::new(Code::UnknownKey, why) };
+            self.faults.push(Fault { key: key.clone(), why });
         }
         if self.faults.is_empty() { Ok(()) } else { Err(self.faults) }
     }
@@ -109,7 +110,10 @@ mod tests {
             let mut parameters = Parameters::new(&given);
             read(&mut parameters);
             parameters.end().map_err(|faults| {
-                faults.into_iter().map(|fault| format!("{}: {}", fault.key, fault.why)).collect::<Vec<_>>()
+                faults
+                    .into_iter()
+                    .map(|fault| format!("{}: {}", fault.key, fault.why.message))
+                    .collect::<Vec<_>>()
             })
         };
         assert_eq!(

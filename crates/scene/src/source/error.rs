@@ -23,6 +23,83 @@ pub enum Place {
     Whole,
 }
 
+/// Class of an error of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Code {
+    /// A text that is no TOML, or no override.
+    Syntax,
+    /// The file cannot be read.
+    Unreadable,
+    /// The file is not text.
+    NotText,
+    /// A key that does not exist.
+    UnknownKey,
+    /// A key that is needed.
+    Missing,
+    /// A value of another type.
+    Type,
+    /// A value that is not allowed.
+    Value,
+    /// A value that other keys, the particles or a state exclude.
+    Conflict,
+}
+
+impl Code {
+    /// The name of the class for other programs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Syntax => "syntax",
+            Self::Unreadable => "unreadable",
+            Self::NotText => "not_text",
+            Self::UnknownKey => "unknown_key",
+            Self::Missing => "missing",
+            Self::Type => "type",
+            Self::Value => "value",
+            Self::Conflict => "conflict",
+        }
+    }
+}
+
+/// What is wrong, and what is allowed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Why {
+    pub(crate) code: Code,
+    pub(crate) message: String,
+    pub(crate) allowed: Option<String>,
+    pub(crate) meant: Vec<String>,
+}
+
+impl Why {
+    /// Something else than a value that is not allowed.
+    pub(crate) fn new(code: Code, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), allowed: None, meant: Vec::new() }
+    }
+
+    /// As somebody else states it, with what is allowed if that is said.
+    pub(crate) fn stated(why: impl Into<String>) -> Self {
+        let why = why.into();
+        if why.starts_with("must ") { Self::value(why) } else { Self::new(Code::Conflict, why) }
+    }
+
+    /// A value that is not allowed; `must` is what is, as the end of a sentence: "must be in [0, 1]".
+    pub(crate) fn value(must: impl Into<String>) -> Self {
+        let message = must.into();
+        let allowed =
+            message.strip_prefix("must ").map(|rest| rest.strip_prefix("be ").unwrap_or(rest).to_owned());
+        debug_assert!(allowed.is_some(), "{message}");
+        Self { allowed, ..Self::new(Code::Value, message) }
+    }
+}
+
+/// Whose words a message is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Words {
+    /// Those of the command: options.
+    Command,
+    /// Those of Python: keywords.
+    Python,
+}
+
 /// One error of a scene. The fields hold text of the file without escapes; [`fmt::Display`] gives one line
 /// that is safe on a terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,30 +112,71 @@ pub struct SceneError {
     pub path: String,
     /// The value as TOML, if there is one.
     pub value: Option<String>,
+    /// Class of the error.
+    pub code: Code,
     /// The error and the allowed values.
     pub message: String,
+    /// What is allowed, where that can be said of the value alone: `in [0, 1]`; of an unknown key the known
+    /// ones.
+    pub allowed: Option<String>,
+    /// Dotted paths of the keys that an unknown one may stand for.
+    pub meant: Vec<String>,
+}
+
+impl SceneError {
+    /// An error of a file as a whole.
+    pub fn of_file(file: impl Into<String>, code: Code, message: impl Into<String>) -> Self {
+        Self {
+            file: file.into(),
+            place: Place::Whole,
+            path: String::new(),
+            value: None,
+            code,
+            message: message.into(),
+            allowed: None,
+            meant: Vec::new(),
+        }
+    }
+
+    /// The key that an override sets, if the error is in one.
+    pub fn set_key(&self) -> Option<&str> {
+        let Place::Override(text) = &self.place else { return None };
+        text.split('=').next().map(str::trim)
+    }
+
+    /// The error in one line, in the words of its reader.
+    pub fn told(&self, words: Words) -> String {
+        let mut place = match &self.place {
+            Place::File { line, .. } => format!("{}:{line}: ", shown(&self.file)),
+            Place::Whole => format!("{}: ", shown(&self.file)),
+            Place::Override(text) => {
+                let option = if words == Words::Command { "--set " } else { "" };
+                format!("{option}{}: ", shown(cut(text, LONGEST_VALUE)))
+            }
+        };
+        if !self.path.is_empty() && self.set_key() != Some(self.path.as_str()) {
+            place += &shown(&self.path);
+            if let Some(value) = &self.value {
+                place += &format!(" = {}", shown(cut(value, LONGEST_VALUE)));
+            }
+            place += ": ";
+        }
+        let hint = match (self.code, words) {
+            (Code::NotText, Words::Command) => {
+                format!("; if it is the output of a run: haff run --resume {}", shown(&self.file))
+            }
+            (Code::NotText, Words::Python) => {
+                format!("; if it is the output of a run: haff.resume(\"{}\")", shown(&self.file))
+            }
+            _ => String::new(),
+        };
+        place + &shown(&self.message) + &hint
+    }
 }
 
 impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut show_key = !self.path.is_empty();
-        match &self.place {
-            Place::File { line, .. } => write!(f, "{}:{line}: ", shown(&self.file))?,
-            Place::Whole => write!(f, "{}: ", shown(&self.file))?,
-            Place::Override(text) => {
-                write!(f, "--set {}: ", shown(cut(text, LONGEST_VALUE)))?;
-                show_key &= text.split('=').next().map(str::trim) != Some(self.path.as_str());
-            }
-        }
-        if show_key {
-            match &self.value {
-                Some(value) => {
-                    write!(f, "{} = {}: ", shown(&self.path), shown(cut(value, LONGEST_VALUE)))?;
-                }
-                None => write!(f, "{}: ", shown(&self.path))?,
-            }
-        }
-        f.write_str(&shown(&self.message))
+        f.write_str(&self.told(Words::Command))
     }
 }
 
@@ -93,18 +211,17 @@ impl SceneErrors {
     }
 }
 
+impl SceneErrors {
+    /// The errors, one on each line, in the words of their reader.
+    pub fn told(&self, words: Words) -> String {
+        let rest = (self.more > 0).then(|| format!("and {} more", self.more));
+        self.errors.iter().map(|error| error.told(words)).chain(rest).collect::<Vec<_>>().join("\n")
+    }
+}
+
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (k, error) in self.errors.iter().enumerate() {
-            if k > 0 {
-                f.write_str("\n")?;
-            }
-            error.fmt(f)?;
-        }
-        if self.more > 0 {
-            write!(f, "\nand {} more", self.more)?;
-        }
-        Ok(())
+        f.write_str(&self.told(Words::Command))
     }
 }
 

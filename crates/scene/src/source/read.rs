@@ -14,6 +14,7 @@ use serde::de::{
 };
 use serde::forward_to_deserialize_any;
 
+use crate::source::error::{Code, Why};
 use crate::source::tree::{Node, Path, Table, Value};
 
 /// Unknown keys of one table.
@@ -27,7 +28,7 @@ pub(crate) struct Unknown {
 /// A value of the wrong type, with a message for users.
 #[derive(Debug)]
 pub(crate) struct Misfit {
-    pub(crate) message: String,
+    pub(crate) why: Why,
     /// Set when the error is returned through its value.
     pub(crate) path: Option<Path>,
 }
@@ -225,7 +226,8 @@ impl<'de> SeqAccess<'de> for Elements<'de, '_> {
 
 impl Misfit {
     fn kind(expected: &str, found: &str) -> Self {
-        Self { message: format!("must be {expected}, not {found}"), path: None }
+        let why = Why::new(Code::Type, format!("must be {expected}, not {found}"));
+        Self { why: Why { allowed: Some(expected.to_owned()), ..why }, path: None }
     }
 
     /// An error belongs to the innermost value that it is returned through.
@@ -237,7 +239,7 @@ impl Misfit {
 
 impl fmt::Display for Misfit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
+        f.write_str(&self.why.message)
     }
 }
 
@@ -246,7 +248,7 @@ impl std::error::Error for Misfit {}
 /// serde's errors as messages for users.
 impl de::Error for Misfit {
     fn custom<M: fmt::Display>(message: M) -> Self {
-        Self { message: message.to_string(), path: None }
+        Self { why: Why::new(Code::Value, message.to_string()), path: None }
     }
 
     fn invalid_type(found: Unexpected, expected: &dyn Expected) -> Self {
@@ -272,12 +274,12 @@ impl de::Error for Misfit {
     }
 
     fn invalid_value(_: Unexpected, expected: &dyn Expected) -> Self {
-        Self { message: format!("must be {expected}"), path: None }
+        Self { why: Why::value(format!("must be {expected}")), path: None }
     }
 
     fn unknown_variant(_: &str, known: &'static [&'static str]) -> Self {
         let known: Vec<String> = known.iter().map(|name| format!("\"{name}\"")).collect();
-        Self { message: format!("must be one of {}", known.join(", ")), path: None }
+        Self { why: Why::value(format!("must be one of {}", known.join(", "))), path: None }
     }
 }
 

@@ -30,6 +30,7 @@ a front has not expected it, the step is undone and tried with wider fronts, the
 
 mod awake;
 mod cut;
+mod driver;
 mod front;
 pub(crate) mod grid;
 mod ownership;
@@ -40,6 +41,7 @@ pub(crate) mod step;
 
 pub(crate) use awake::with_awake_threads;
 pub(crate) use cut::{Round, cut, divide};
+pub(crate) use driver::{NextStep, Stepping, part_before, take_steps};
 pub(crate) use front::{Bounds, Dilations, Metric};
 pub(crate) use ownership::Ownership;
 pub(crate) use part::{Part, Place, Present, wrap_place};

@@ -12,6 +12,7 @@ use crate::{
     report::Observer,
     search::{
         batch::Kernel,
+        blocks,
         case::Reason,
         compact::CompactParticle,
         event_loop::{Limit, Next, Scheduler},
@@ -306,7 +307,7 @@ impl<F: Features, E: ListedEvent> Scheduler for Nearby<F, E> {
         observer: &mut dyn Observer,
         events: bool,
     ) {
-        Nearby::take_steps(self, state, limit, observer, events);
+        blocks::take_steps(self, state, limit, observer, events);
     }
 
     fn use_more_threads(&mut self, state: &State) {

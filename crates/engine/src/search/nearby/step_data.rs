@@ -31,6 +31,8 @@ pub(super) struct Steps<F> {
     pub places: Places,
     pub rounds: Vec<Round>,
     pub blocks: Vec<ListBlock<F>>,
+    /// Begin of the present step [ticks].
+    pub from: i64,
     /// Length of the next step [ticks].
     pub ticks: f64,
     /// Number of steps that blocks have begun.
@@ -58,6 +60,7 @@ impl<F: Features> Steps<F> {
             places: Places::default(),
             rounds: Vec::new(),
             blocks: Vec::new(),
+            from: 0,
             ticks: 0.0,
             attempts: 0,
             reason: None,

@@ -28,7 +28,8 @@ use crate::{
     report::Observer,
     search::{
         blocks::{
-            self, DILATIONS, Dilations, Metric, NO_BLOCK, Outcome, Ownership, Round, Step, with_awake_threads,
+            self, DILATIONS, Dilations, Metric, NO_BLOCK, NextStep, Outcome, Ownership, Round, Step,
+            Stepping, part_before,
         },
         compact::CompactParticle,
         entry::Target,
@@ -159,102 +160,6 @@ impl<F: Features, E: ListedEvent> Nearby<F, E> {
         true
     }
 
-    /// Takes the events of the next steps, or gives those of one step to the queue.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn take_steps(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-        events: bool,
-    ) {
-        with_awake_threads(|| {
-            while self.take_step(state, limit, observer, events)
-                && self.horizon < limit.ticks
-                && state.accumulators.counters.collisions < limit.collisions
-                && limit.entries > 0
-                && !Scheduler::is_idle(self)
-            {}
-        });
-    }
-
-    /// Takes the events of the next step. If they have to be taken one after the other, gives them to the
-    /// queue, and returns false.
-    fn take_step(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-        events: bool,
-    ) -> bool {
-        let from = self.horizon.max(state.world.now);
-        let wanted = (self.steps.ticks as i64).max(1);
-        if self.predictor.plan.frame.end.saturating_sub(from) < wanted / 4 + 1 {
-            self.predictor.begin_at(&state.world, from);
-        }
-        let frame = &self.predictor.plan.frame;
-        // The fastest particle has moved little in a step, even if nothing has moved before.
-        let most = (frame.end - frame.begin) as f64 / STEPS_PER_SPAN;
-        self.steps.ticks = self.steps.ticks.min(most).max(1.0);
-        let wanted = wanted.min(self.steps.ticks as i64);
-        let (is_new, end) = (self.steps.span != Some(frame.begin), frame.end);
-        let is_possible = end > from && self.unsuitable(&state.world).is_none();
-        if !is_possible || is_new && !self.cut(&state.world) {
-            self.steps.move_to(&mut self.queue);
-            self.steps.clear();
-            self.horizon = i64::MAX;
-            return false;
-        }
-        let longest =
-            f64::from(LONGEST) / (f64::from(self.steps.metric.speed) * self.predictor.plan.frame.per_tick);
-        let target = (ENTRIES_PER_PARTICLE * state.world.particles.len() as f64).max(LEAST_ENTRIES);
-        let least = self.steps.settings.min_events * self.steps.rounds[0].fronts.len();
-        // Where so short a step has too few entries: a longer one, whose events are taken in order.
-        let is_dilute = target * longest < least as f64 * self.steps.ticks;
-        let length = if is_dilute { wanted } else { wanted.min(longest as i64).max(1) };
-        let whole = from.saturating_add(length).min(end);
-        // If little of the step is before a limit, all of it is taken in order: the queue stops at limits.
-        let mut is_short = limit.ticks.saturating_sub(from) < length / SHORT;
-        let mut to = if is_short { whole } else { whole.min(limit.ticks) };
-        self.collect(to);
-        if to == whole {
-            let ticks = (to - from) as f64 * target / self.steps.known.len().max(1) as f64;
-            self.steps.ticks = ticks.clamp(self.steps.ticks / CHANGE, self.steps.ticks * CHANGE).max(1.0);
-        }
-        // Near a limit of collisions, less than what is expected up to it.
-        let remaining = limit.collisions.saturating_sub(state.accumulators.counters.collisions);
-        let part = usize::try_from(remaining / 4 * 3).unwrap_or(usize::MAX);
-        let known = &mut self.steps.known;
-        is_short |= part < known.len() / SHORT as usize;
-        if part < known.len() && !is_short {
-            to = known.select_nth_unstable_by_key(part, |entry| entry.time).1.time;
-            known.extract_if(.., |entry| entry.time > to).for_each(|entry| self.queue.push(entry));
-        }
-        self.horizon = to;
-        self.steps.reason = is_dilute.then_some("steps would have too few events");
-        let suits = !is_dilute
-            && !is_short
-            && known.len() >= self.steps.settings.min_events / 8 * self.steps.rounds[0].fronts.len()
-            && known.iter().all(|entry| entry.time > from);
-        let mut is_taken = known.is_empty();
-        for factor in DILATIONS {
-            if !suits || is_taken {
-                break;
-            }
-            let metric = self.steps.metric.widened(factor);
-            let outcome = self.run_rounds(state, metric, from, limit, observer, events);
-            is_taken = outcome == Outcome::Taken;
-            if outcome != Outcome::Unexpected {
-                break;
-            }
-        }
-        if !is_taken {
-            self.steps.known.drain(..).for_each(|entry| self.queue.push(entry));
-        }
-        is_taken
-    }
-
     /// Takes all entries up to `to` from the calendars.
     fn collect(&mut self, to: i64) {
         let Self { queue, steps, .. } = self;
@@ -275,17 +180,69 @@ impl<F: Features, E: ListedEvent> Nearby<F, E> {
             known.extend_from_slice(entries);
         }
     }
+}
 
-    /// The rounds of a step. If it is not taken, it has been undone.
-    fn run_rounds(
+impl<F: Features, E: ListedEvent> Stepping for Nearby<F, E> {
+    fn begin_step(&mut self, state: &mut State, limit: &Limit) -> Option<NextStep> {
+        let from = self.horizon.max(state.world.now);
+        let wanted = (self.steps.ticks as i64).max(1);
+        if self.predictor.plan.frame.end.saturating_sub(from) < wanted / 4 + 1 {
+            self.predictor.begin_at(&state.world, from);
+        }
+        let frame = &self.predictor.plan.frame;
+        // The fastest particle has moved little in a step, even if nothing has moved before.
+        let most = (frame.end - frame.begin) as f64 / STEPS_PER_SPAN;
+        self.steps.ticks = self.steps.ticks.min(most).max(1.0);
+        let wanted = wanted.min(self.steps.ticks as i64);
+        let (is_new, end) = (self.steps.span != Some(frame.begin), frame.end);
+        let is_possible = end > from && self.unsuitable(&state.world).is_none();
+        if !is_possible || is_new && !self.cut(&state.world) {
+            self.steps.move_to(&mut self.queue);
+            self.steps.clear();
+            self.horizon = i64::MAX;
+            return None;
+        }
+        let longest =
+            f64::from(LONGEST) / (f64::from(self.steps.metric.speed) * self.predictor.plan.frame.per_tick);
+        let target = (ENTRIES_PER_PARTICLE * state.world.particles.len() as f64).max(LEAST_ENTRIES);
+        let least = self.steps.settings.min_events * self.steps.rounds[0].fronts.len();
+        // Where so short a step has too few entries: a longer one, whose events are taken in order.
+        let is_dilute = target * longest < least as f64 * self.steps.ticks;
+        let length = if is_dilute { wanted } else { wanted.min(longest as i64).max(1) };
+        let whole = from.saturating_add(length).min(end);
+        // If little of the step is before a limit, all of it is taken in order: the queue stops at limits.
+        let mut is_short = limit.ticks.saturating_sub(from) < length / SHORT;
+        let mut to = if is_short { whole } else { whole.min(limit.ticks) };
+        self.collect(to);
+        if to == whole {
+            let ticks = (to - from) as f64 * target / self.steps.known.len().max(1) as f64;
+            self.steps.ticks = ticks.clamp(self.steps.ticks / CHANGE, self.steps.ticks * CHANGE).max(1.0);
+        }
+        let part = part_before(limit, state);
+        let known = &mut self.steps.known;
+        is_short |= part < known.len() / SHORT as usize;
+        if part < known.len() && !is_short {
+            to = known.select_nth_unstable_by_key(part, |entry| entry.time).1.time;
+            known.extract_if(.., |entry| entry.time > to).for_each(|entry| self.queue.push(entry));
+        }
+        (self.steps.from, self.horizon) = (from, to);
+        self.steps.reason = is_dilute.then_some("steps would have too few events");
+        let suits = !is_dilute
+            && !is_short
+            && known.len() >= self.steps.settings.min_events / 8 * self.steps.rounds[0].fronts.len()
+            && known.iter().all(|entry| entry.time > from);
+        Some(NextStep { metric: suits.then_some(self.steps.metric), is_empty: known.is_empty() })
+    }
+
+    fn run_step(
         &mut self,
         state: &mut State,
         metric: Metric,
-        from: i64,
         limit: &mut Limit,
         observer: &mut dyn Observer,
         events: bool,
     ) -> Outcome {
+        let from = self.steps.from;
         let Self { kernel, predictor, steps, horizon, .. } = self;
         let places = steps.places;
         let frame = &predictor.plan.frame;
@@ -351,6 +308,16 @@ impl<F: Features, E: ListedEvent> Nearby<F, E> {
             block.clear();
         }
         outcome
+    }
+
+    fn end_step(&mut self, is_taken: bool) {
+        if !is_taken {
+            self.steps.known.drain(..).for_each(|entry| self.queue.push(entry));
+        }
+    }
+
+    fn goes_on(&self, ticks: i64) -> bool {
+        self.horizon < ticks && !Scheduler::is_idle(self)
     }
 }
 

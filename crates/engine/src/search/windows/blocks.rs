@@ -10,7 +10,7 @@ use crate::{
     model::features::Features,
     report::Observer,
     search::{
-        blocks::{self, DILATIONS, Metric, Outcome, Ownership, Round, Step, with_awake_threads},
+        blocks::{self, DILATIONS, Metric, NextStep, Outcome, Ownership, Round, Step, Stepping, part_before},
         compact::CompactParticle,
         event_loop::Limit,
         sharing::least_items,
@@ -134,36 +134,11 @@ impl<F: Features> Windows<F> {
         self.worker.horizon = self.worker.space.end;
         self.worker.later.clear();
     }
+}
 
-    /// Takes the events of the next steps of the window, or gives those of one step to the queue of the
-    /// window.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn take_steps(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-        events: bool,
-    ) {
-        with_awake_threads(|| {
-            while self.take_step(state, limit, observer, events)
-                && self.worker.horizon < limit.ticks.min(self.worker.space.end)
-                && state.accumulators.counters.collisions < limit.collisions
-                && limit.entries > 0
-            {}
-        });
-    }
-
-    /// Takes the events of the next step of the window. If they have to be taken one after the other, gives
-    /// them to the queue of the window, and returns false.
-    fn take_step(
-        &mut self,
-        state: &mut State,
-        limit: &mut Limit,
-        observer: &mut dyn Observer,
-        events: bool,
-    ) -> bool {
+impl<F: Features> Stepping for Windows<F> {
+    /// The contacts of the step are taken out of those of the window.
+    fn begin_step(&mut self, state: &mut State, limit: &Limit) -> Option<NextStep> {
         let (begin, step) = (self.worker.begin, self.steps.next);
         for entry in self.worker.later.drain(..) {
             let step = self.steps.step_of(begin, entry.0.time).max(step);
@@ -172,9 +147,7 @@ impl<F: Features> Windows<F> {
         let mut contacts = std::mem::take(&mut self.steps.contacts[step]);
         let (from, mut to) = (self.worker.horizon, self.steps.ends[step]);
         let mut until = limit.ticks;
-        // Near a limit of collisions, less than what is expected up to it.
-        let remaining = limit.collisions.saturating_sub(state.accumulators.counters.collisions);
-        let part = usize::try_from(remaining / 4 * 3).unwrap_or(usize::MAX);
+        let part = part_before(limit, state);
         if part < contacts.len() {
             until = until.min(contacts.select_nth_unstable_by_key(part, |entry| entry.0.time).1.0.time);
         }
@@ -197,44 +170,24 @@ impl<F: Features> Windows<F> {
         let suits = contacts.len() >= self.steps.settings.min_events / 8 * self.steps.rounds[0].fronts.len()
             && state.world.resting == 0
             && contacts.iter().all(|entry| entry.0.time > from);
-        let mut is_taken = false;
-        for factor in DILATIONS {
-            let Some(metric) = self.steps.metric.filter(|_| suits) else { break };
-            let metric = metric.widened(factor);
-            let outcome = self.run_rounds(state, metric, &contacts, limit, observer, events);
-            is_taken = outcome == Outcome::Taken;
-            if outcome != Outcome::Unexpected {
-                break;
-            }
-        }
-        if is_taken {
-            self.worker.queue.open(from, to, &[]);
-        } else {
-            (self.steps.is_serial, self.steps.has_noted) = (true, false);
-            self.worker.queue.open(from, to, &contacts);
-        }
-        if step < self.steps.next {
-            contacts.clear();
-            self.steps.contacts[step] = contacts;
-        }
-        is_taken
+        self.steps.known = contacts;
+        self.steps.known_of = step;
+        Some(NextStep { metric: self.steps.metric.filter(|_| suits), is_empty: false })
     }
 
-    /// The rounds of a step. If it is not taken, it has been undone.
-    fn run_rounds(
+    fn run_step(
         &mut self,
         state: &mut State,
         metric: Metric,
-        contacts: &[WindowEvent],
         limit: &mut Limit,
         observer: &mut dyn Observer,
         events: bool,
     ) -> Outcome {
         let Self { kernel, worker, steps, .. } = self;
         let span = (worker.begin, state.world.clock.tick / worker.step);
-        let step = Step::new(metric, (steps.end, worker.horizon), span, contacts.len());
+        let step = Step::new(metric, (steps.end, worker.horizon), span, steps.known.len());
         steps.working_space.pending.clear();
-        steps.working_space.pending.extend_from_slice(contacts);
+        steps.working_space.pending.extend_from_slice(&steps.known);
         for block in &mut steps.blocks {
             // SAFETY: the aliases are used in this call only.
             unsafe {
@@ -277,6 +230,25 @@ impl<F: Features> Windows<F> {
             block.clear();
         }
         outcome
+    }
+
+    fn end_step(&mut self, is_taken: bool) {
+        let Self { worker, steps, .. } = self;
+        if is_taken {
+            worker.queue.open(steps.end, worker.horizon, &[]);
+        } else {
+            (steps.is_serial, steps.has_noted) = (true, false);
+            worker.queue.open(steps.end, worker.horizon, &steps.known);
+        }
+        steps.known.clear();
+        if steps.known_of < steps.next {
+            // Its memory serves another window.
+            steps.contacts[steps.known_of] = std::mem::take(&mut steps.known);
+        }
+    }
+
+    fn goes_on(&self, ticks: i64) -> bool {
+        self.worker.horizon < ticks.min(self.worker.space.end)
     }
 }
 

@@ -358,7 +358,7 @@ impl<F: Features> Scheduler for Windows<F> {
         observer: &mut dyn Observer,
         events: bool,
     ) {
-        Windows::take_steps(self, state, limit, observer, events);
+        blocks::take_steps(self, state, limit, observer, events);
     }
 
     fn serial_reason(&self, state: &State) -> Option<&'static str> {

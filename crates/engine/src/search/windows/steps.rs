@@ -9,6 +9,9 @@ use crate::search::{
 pub(super) struct Steps<F> {
     /// Contacts of the steps that have not begun, by step.
     pub contacts: Vec<Vec<WindowEvent>>,
+    /// Those of the step that blocks take, and its number.
+    pub known: Vec<WindowEvent>,
+    pub known_of: usize,
     pub working_space: WorkingSpace<WindowEvent>,
     /// The end of each step [ticks], and the next step.
     pub ends: Vec<i64>,
@@ -32,6 +35,8 @@ impl<F> Steps<F> {
     pub fn new(blocks: Option<u16>) -> Self {
         Self {
             contacts: Vec::new(),
+            known: Vec::new(),
+            known_of: 0,
             working_space: WorkingSpace::new(),
             ends: Vec::new(),
             next: 0,

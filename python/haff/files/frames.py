@@ -1,0 +1,437 @@
+"""The trajectory of a file: its frames, and the box they are in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..common import arguments
+from ..common.notebook import table
+from ..common.readonly import ReadOnly
+from ..errors import ArgumentError, MissingDataError
+from ..text import quoted
+from . import conversions
+from .layout import AXES, Array, complete
+
+if TYPE_CHECKING:
+    import freud
+    import pandas as pd
+
+    from ..reader import File
+    from .column import Column
+
+__all__ = ["Box", "Frame", "Frames", "Shear"]
+
+_VECTORS = {"position": "f", "velocity": "f", "image": "iu", "angular_velocity": "f"}
+"""What has a vector for each particle in a frame, and what NumPy calls the kind of its components."""
+
+
+class Shear(NamedTuple):
+    """Simple shear of a box that is periodic along all axes (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972)).
+
+    The mean velocity is ``rate`` times the coordinate along ``gradient``, and points along ``flow``.
+    """
+
+    flow: int
+    """Axis of the flow: 0, 1 or 2."""
+    gradient: int
+    """Axis along which the velocity of the flow grows; another one."""
+    rate: float
+    """Shear rate [1/time]."""
+
+
+class Box(ReadOnly):
+    """The simulation box [0, L) per axis.
+
+    In a sheared box the image across the upper face of the gradient axis is displaced along the flow, by at most half
+    an edge: the edge vector along the gradient has that component along the flow. It changes with time. Positions are
+    within [0, L) all the same.
+
+    Attributes
+    ----------
+    size : ``[3]`` edge lengths L [length], of a sheared box those along the axes; a placeholder along open axes
+    boundary : per axis ``"periodic"``, ``"wall"`` or ``"open"``
+    dimension : 2 or 3
+    edges : ``[3, 3]`` edge vectors, one a row [length]
+    displacement : gradient axis, flow axis and displacement [length] of the images of a sheared box; else ``None``
+    """
+
+    _why = "cannot be changed: a run keeps the box of its scene (domain)"
+
+    def __init__(
+        self, size: Array, boundary: Sequence[str], dimension: int, displacement: tuple[int, int, float] | None = None
+    ) -> None:
+        lengths = np.array(arguments.shaped("size", size, [3], "three edges"))
+        if np.ndim(size) != 1 or not (lengths > 0).all() or not np.isfinite(lengths).all():
+            raise ArgumentError(f"size = {quoted(size)}: must be three positive numbers")
+        sides = tuple(arguments.names("boundary", boundary))
+        if len(sides) != 3 or not set(sides) <= {"periodic", "wall", "open", "none"}:
+            raise ArgumentError(f"boundary = {quoted(boundary)}: must be three of periodic, wall, open")
+        edges = np.diag(lengths)
+        if displacement is not None:
+            gradient, flow, length = _displaced(displacement)
+            edges[gradient, flow] = length
+            displacement = gradient, flow, length
+        for array in (lengths, edges):
+            array.flags.writeable = False
+        self.size, self.boundary, self.edges, self.displacement = lengths, sides, edges, displacement
+        self.dimension = arguments.count("dimension", dimension, 2, 3)
+        self._made = True
+
+    @property
+    def widths(self) -> NDArray[np.float64]:
+        """``[3]`` distances of opposite faces [length]; those of a sheared box are closer along the flow."""
+        widths = self.size.copy()
+        if self.displacement is not None:
+            gradient, flow, length = self.displacement
+            widths[flow] /= np.hypot(1.0, length / self.size[gradient])
+        return widths
+
+    def unwrap(self, position: Array, image: Array) -> NDArray[np.float64]:
+        """Positions that do not jump at periodic faces: position + Σ image · edge vector [length]; ``[..., 3]``."""
+        position, image = _triples("position", position), _triples("image", image)
+        found = position + image * np.where(self.periodic, self.size, 0.0)
+        if self.displacement is not None:
+            gradient, flow, length = self.displacement
+            found[..., flow] += image[..., gradient] * length
+        return found
+
+    def nearest(self, apart: Array) -> NDArray[np.float64]:
+        """The nearest images of differences of positions, ``[..., 3]`` [length].
+
+        In a sheared box this holds for images that are less than half an edge away along the gradient.
+        """
+        found = np.array(_triples("apart", apart))
+        if self.displacement is not None:
+            gradient, flow, length = self.displacement
+            found[..., flow] -= np.round(found[..., gradient] / self.size[gradient]) * length
+        sides = np.where(self.periodic, self.size, 1.0)
+        return found - np.where(self.periodic, np.round(found / sides) * sides, 0.0)
+
+    @property
+    def periodic(self) -> NDArray[np.bool_]:
+        """``[3]``, true where the axis is periodic."""
+        return np.array([b == "periodic" for b in self.boundary])
+
+    @property
+    def fully_periodic(self) -> bool:
+        """Whether every axis that particles move along is periodic."""
+        return bool(self.periodic[: self.dimension].all())
+
+    @property
+    def volume(self) -> float:
+        """Volume [length³], or area [length²] in 2D."""
+        return float(np.prod(self.size[: self.dimension]))
+
+    def __repr__(self) -> str:
+        sides = " × ".join(f"{s:g} ({b})" for s, b in zip(self.size[: self.dimension], self.boundary))
+        if self.displacement is None:
+            return f"Box({self.dimension}D, {sides})"
+        gradient, flow, length = self.displacement
+        return f"Box({self.dimension}D, {sides}, {AXES[gradient]} edge displaced along {AXES[flow]} by {length:g})"
+
+
+def _triples(name: str, value: object) -> Array:
+    """Vectors ``[..., 3]``."""
+    array = arguments.reals(name, value)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ArgumentError(f"{name} = {quoted(value)}, of shape {array.shape}: must be [..., 3]")
+    return array
+
+
+def _displaced(displacement: object) -> tuple[int, int, float]:
+    """Gradient axis, flow axis and displacement of a sheared box."""
+    allowed = "must be two different axes from 0 to 2 and a length"
+    try:
+        gradient, flow, length = displacement  # type: ignore[misc]
+        found = (
+            arguments.count("displacement[0]", gradient, 0, 2),
+            arguments.count("displacement[1]", flow, 0, 2),
+            arguments.number("displacement[2]", length),
+        )
+    except Exception:
+        raise ArgumentError(f"displacement = {quoted(displacement)}: {allowed}") from None
+    if gradient == flow:
+        raise ArgumentError(f"displacement = {quoted(displacement)}: {allowed}")
+    return found
+
+
+class Frame(ReadOnly):
+    """All particles at one time; arrays are read on first use and then kept.
+
+    Rows are particles in the order of the scene.
+    """
+
+    def __init__(self, frames: Frames, row: int) -> None:
+        self._frames = frames
+        self._row = row
+        self._made = True
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Frame, (self._frames, self._row)
+
+    @property
+    def file(self) -> File:
+        """The file that this frame belongs to."""
+        return self._frames._file
+
+    @property
+    def index(self) -> int:
+        """Row of the frame in the file."""
+        return self._row
+
+    @cached_property
+    def time(self) -> float:
+        """Simulated time [time]."""
+        return float(self._frames._times(range(self._row, self._row + 1))[0])
+
+    @cached_property
+    def step(self) -> int:
+        """Collisions and wall collisions so far."""
+        return int(self._frames._steps(range(self._row, self._row + 1))[0])
+
+    @cached_property
+    def position(self) -> NDArray[np.float64]:
+        """``[N, 3]`` centres [length], within [0, L) along periodic axes; z = 0 in 2D."""
+        return self._read("position")
+
+    @cached_property
+    def velocity(self) -> NDArray[np.float64]:
+        """``[N, 3]`` velocities [length/time]; z = 0 in 2D. In a sheared box the flow is part of them."""
+        return self._read("velocity")
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """``[N, 3]`` velocities relative to the flow of a sheared box, v − γ̇ y x̂ [length/time]; else the velocities."""
+        shear = self.file.shear
+        if shear is None:
+            return self.velocity
+        found = self.velocity.copy()
+        found[:, shear.flow] -= shear.rate * self.position[:, shear.gradient]
+        return found
+
+    @property
+    def thermal_velocity(self) -> NDArray[np.float64]:
+        """``[N, 3]`` velocities of which temperature and pressure are made, v − V [length/time].
+
+        V is the velocity of the center of mass of the bodies of finite mass along the axes on which momentum is
+        conserved (:attr:`File.conserved_momentum`), and 0 along the others. In a sheared box v is relative to the flow.
+        """
+        velocity, mobile = self.peculiar_velocity, np.isfinite(self.mass)
+        if not mobile.any():
+            return velocity
+        common = np.average(velocity[mobile], axis=0, weights=self.mass[mobile])
+        return velocity - np.where(self.file.conserved_momentum, common, 0.0)
+
+    @cached_property
+    def angular_velocity(self) -> NDArray[np.float64] | None:
+        """``[N, 3]`` angular velocities [1/time], along z in 2D; ``None`` if the scene has no spin."""
+        return self._read("angular_velocity") if "angular_velocity" in self._frames._columns else None
+
+    @cached_property
+    def image(self) -> NDArray[np.int32]:
+        """``[N, 3]`` how often each particle has left through the periodic faces (upper +1, lower −1)."""
+        return self._read("image")
+
+    @property
+    def unwrapped(self) -> NDArray[np.float64]:
+        """``[N, 3]`` positions that do not jump at periodic faces, position + Σ image · edge vector [length]."""
+        return self.box.unwrap(self.position, self.image)
+
+    @cached_property
+    def box(self) -> Box:
+        """The simulation box, at the time of the frame if it is sheared."""
+        return self._frames._boxes(range(self._row, self._row + 1))[0]
+
+    @property
+    def mass(self) -> NDArray[np.float64]:
+        """``[N]`` masses; infinite for fixed and driven bodies."""
+        return self.file.mass
+
+    @property
+    def radius(self) -> NDArray[np.float64]:
+        """``[N]`` radii [length]."""
+        return self.file.radius
+
+    @property
+    def inertia(self) -> NDArray[np.float64] | None:
+        """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin."""
+        return self.file.inertia
+
+    @property
+    def species(self) -> NDArray[np.int64]:
+        """``[N]`` species indices."""
+        return self.file.species
+
+    def to_freud(self) -> tuple[freud.box.Box, NDArray[np.float64]]:
+        """The frame as a system of freud: its box, and ``[N, 3]`` positions in it [length]; z = 0 in 2D.
+
+        ``freud.order.Steinhardt(6).compute(frame.to_freud(), {"num_neighbors": 12})``, and so all functions of freud
+        that take a system. freud's box is centred at the origin, so positions are shifted. The box of a sheared frame
+        leans. Where its gradient is an axis before that of the flow, both axes are exchanged, since freud's edge
+        vectors are triangular: distances stay the same. freud computes in single precision.
+
+        freud finds pairs in periodic boxes only. Along axes that are not, its box is twice as long as this one, or as
+        what the particles take up along open ones, so that no pair is found across a face: neighbors are right, but
+        densities by the volume of freud's box, such as those that its RDF divides by, are not.
+
+        Raises :class:`MissingPackageError` without freud: ``pip install freud-analysis``.
+        """
+        return conversions.frame_system(self)
+
+    def to_pandas(self, unwrapped: bool = False) -> pd.DataFrame:
+        """The frame as a table of pandas, one row for each particle.
+
+        Columns: ``id`` (row in the file), ``species`` (its name), positions ``x``, ``y``, ``z`` [length], velocities
+        ``vx``, ``vy``, ``vz`` [length/time], ``image_x``, …, with spin ``angular_velocity_x``, … [1/time], ``radius``
+        [length] and ``mass``. ``attrs`` has ``frame``, ``time`` and ``step``.
+
+        ``unwrapped``: positions that do not jump at periodic faces. Raises :class:`ArgumentError` unless it is true or
+        false.
+        """
+        return conversions.frame_table(self, arguments.flag("unwrapped", unwrapped))
+
+    def _read(self, name: str) -> Array:
+        return self._frames._values(name, range(self._row, self._row + 1))[0]
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks; reads no vectors."""
+        rows = [("time", f"{self.time:g}"), ("events so far", f"{self.step:,}"), ("particles", f"{len(self.mass):,}")]
+        return table(f"Frame {self._row}", [("file", self.file.path), *rows, ("box", self.box)])
+
+    def __repr__(self) -> str:
+        return f"<Frame {self._row}: t = {self.time:g}, step = {self.step}, N = {len(self.mass)}>"
+
+
+class Frames(ReadOnly, Sequence["Frame"]):
+    """The trajectory: a lazy sequence of :class:`Frame`. Slices are sequences too."""
+
+    def __init__(self, file: File, rows: range | None = None) -> None:
+        self._file = file
+        stored, base = file.stored, "particles/all"
+        if stored.find(f"{base}/position") is None:
+            raise MissingDataError(f"{file.path}: no frames (output.frames = false in the scene)")
+        self._time = stored.column(f"{base}/position/time", (None,), "f")
+        self._step = stored.column(f"{base}/position/step", (None,), "iu")
+        self._columns: dict[str, Column] = {}
+        for name, kinds in _VECTORS.items():
+            if name == "position" or stored.find(f"{base}/{name}") is not None:
+                self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
+        self._edges = None if file.shear is None else stored.column(f"{base}/box/edges/value", (None, 3, 3), "f")
+        if rows is None:
+            moving = () if self._edges is None else (self._edges,)
+            length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
+            rows = range(complete(self._time, length))
+        self._rows = rows
+        self._made = True
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Frames, (self._file, self._rows)
+
+    @property
+    def file(self) -> File:
+        """The file that the frames belong to."""
+        return self._file
+
+    def _values(self, name: str, rows: range) -> Array:
+        """``[F, N, 3]`` of some frames, checked."""
+        if name not in self._columns:
+            raise MissingDataError(f"{self._file.path}: no {name} in the frames")
+        column, box = self._columns[name], self._file.box
+        values = _take(column, rows)
+        if name != "image":
+            column.require_finite(values, rows)
+        if name == "position":
+            slack = 1e-9 * box.size
+            inside = (values >= -slack) & (values <= box.size + slack)
+            column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
+        return values
+
+    def _boxes(self, rows: range) -> list[Box]:
+        """The boxes of some frames."""
+        if self._edges is None:
+            return [self._file.box] * len(rows)
+        return self._file._sheared_boxes(self._edges, _take(self._edges, rows), rows)
+
+    def _times(self, rows: range) -> Array:
+        time = _take(self._time, rows)
+        self._time.require_order(time[:: _sign(rows)], rows[:: _sign(rows)])
+        return time
+
+    def _steps(self, rows: range) -> Array:
+        step = _take(self._step, rows)
+        self._step.require(step, step >= 0, "0 or more", rows)
+        self._step.require_order(step[:: _sign(rows)], rows[:: _sign(rows)])
+        return step
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """``[F]`` times of the frames [time]."""
+        return self._times(self._rows)
+
+    @property
+    def step(self) -> NDArray[np.int64]:
+        """``[F]`` events before each frame."""
+        return self._steps(self._rows)
+
+    def array(self, name: str) -> Array:
+        """All frames of one quantity at once, ``[F, N, 3]``.
+
+        ``name`` is ``"position"``, ``"velocity"``, ``"image"``, ``"unwrapped"`` or, if the scene has spin,
+        ``"angular_velocity"``.
+        """
+        if isinstance(name, str) and name == "unwrapped":
+            position, image = np.asarray(self.array("position"), float), self.array("image")
+            if self._edges is None:
+                return self._file.box.unwrap(position, image)
+            for k, box in enumerate(self._boxes(self._rows)):
+                position[k] = box.unwrap(position[k], image[k])
+            return position
+        return self._values(arguments.choice("name", name, (*_VECTORS, "unwrapped")), self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, key: int) -> Frame: ...
+    @overload
+    def __getitem__(self, key: slice) -> Frames: ...
+    def __getitem__(self, key: int | slice) -> Frame | Frames:
+        place = arguments.rows("frames", key, len(self), "the number of a frame or a slice")
+        if isinstance(place, slice):
+            return Frames(self._file, self._rows[place])
+        return Frame(self, self._rows[place])
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (Frame(self, row) for row in self._rows)
+
+    def __repr__(self) -> str:
+        if not self:
+            return "<Frames: none>"
+        return f"<Frames: {len(self)}, t = {self[0].time:g} … {self[-1].time:g}>"
+
+
+def _sign(rows: range) -> int:
+    return 1 if rows.step > 0 else -1
+
+
+def _take(column: Column, rows: range) -> Array:
+    # h5py accepts only increasing selections: read the span, then stride in memory.
+    if not rows:
+        return column[:0]
+    low, high = min(rows[0], rows[-1]), max(rows[0], rows[-1])
+    if rows.step > 0:
+        return column[low : high + 1 : rows.step]
+    return column[low : high + 1][np.array(rows) - low]
+
+
+def not_triangular(file: File) -> str | None:
+    """Why programs whose box vectors are (a, 0, 0), (b, c, 0), (d, e, f) cannot hold a box; ``None`` if they can."""
+    if file.shear is None or file.shear.flow < file.shear.gradient:
+        return None
+    flow, gradient = AXES[file.shear.flow], AXES[file.shear.gradient]
+    return f"its {gradient} edge leans along {flow}; an edge can lean along axes before its own only"

@@ -1,0 +1,139 @@
+"""Profiles and correlations in time, of files and of live simulations, as xarray datasets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..errors import MissingDataError
+from .layout import AXES, Array, complete
+
+if TYPE_CHECKING:
+    import xarray
+
+    from ..reader import File
+
+_FIELDS = {
+    "density": ("number density", "1/length^d", 0),
+    "mass_density": ("mass density", "mass/length^d", 0),
+    "velocity": ("velocity", "length/time", 1),
+    "temperature": ("granular temperature", "energy", 0),
+    "pressure": ("pressure tensor", "energy/length^d", 2),
+}
+"""Long name, unit, and number of axes of the value in a cell."""
+_CORRELATIONS = {
+    "msd": ("mean square displacement", "length^2"),
+    "vacf": ("autocorrelation of velocities", "length^2/time^2"),
+    "stress": ("autocorrelation of P_xy", "energy^2/length^2d"),
+    "helfand": ("mean square of the integral of P_xy", "energy^2 time^2/length^2d"),
+}
+"""Long name and unit."""
+
+
+class Rows(NamedTuple):
+    """The rows of one profile as arrays."""
+
+    time: Array
+    """``[R]`` ends of the intervals [time]."""
+    centers: Mapping[str, Array]
+    """Centers of the cells [length], by axis."""
+    fields: Mapping[str, Array]
+    """``[R, cells…]`` by name, with the axes of vectors and tensors last."""
+
+
+def profiles(file: File) -> dict[str, xarray.Dataset]:
+    """All profiles of a file, by the letters of their axes; see :attr:`haff.File.profiles`."""
+    return {name: profile(*rows) for name, rows in profile_rows(file).items()}
+
+
+def profile_rows(file: File) -> dict[str, Rows]:
+    """As :func:`profiles`, but arrays, which need no xarray."""
+    stored, found = file.stored, {}
+    for name in stored.members("profiles"):
+        place = f"profiles/{name}"
+        axes = tuple(name)
+        if not axes or not set(axes) <= set(AXES) or len(set(axes)) != len(axes):
+            raise stored.wrong(place, f"must be named by axes, one or several of {', '.join(AXES)}")
+        d = len(axes)
+        grid = stored.column(f"{place}/position/value", (None,) * d + ((d,) if d > 1 else ()), "f")[:]
+        stored.column(f"{place}/position/value", grid.shape, "f").require_finite(grid)
+        bins = grid.shape[:d]
+        time = stored.column(f"{place}/density/time", (None,), "f")
+        columns = {
+            field: stored.column(f"{place}/{field}/value", (None, *bins, *_shape(rank, file.dimension)), "f")
+            for field, (_, _, rank) in _FIELDS.items()
+        }
+        rows = complete(time, min(map(len, (time, *columns.values()))))
+        when = time[:rows]
+        time.require_order(when)
+        fields = {field: column[:rows] for field, column in columns.items()}
+        first = [(slice(None) if k == axis else 0) for axis in range(d) for k in range(d)]
+        centers = {
+            letter: grid if d == 1 else grid[(*first[d * axis : d * (axis + 1)], axis)]
+            for axis, letter in enumerate(axes)
+        }
+        found[name] = Rows(when, centers, fields)
+    if not found:
+        raise MissingDataError(f"{file.path}: no profiles (set measure.profiles in the scene)")
+    return found
+
+
+def _shape(rank: int, dimension: int) -> tuple[int, ...]:
+    return ((), (3,), (dimension, dimension))[rank]
+
+
+def profile(time: Array, centers: Mapping[str, Array], fields: Mapping[str, Array]) -> xarray.Dataset:
+    """Rows of one profile as a dataset with the dimensions ``time``, the axes, and those of vectors and tensors."""
+    import xarray
+
+    variables: dict[str, Any] = {}
+    coords: dict[str, Any] = {"time": ("time", time, {"long_name": "time", "units": "time"})}
+    for axis, values in centers.items():
+        coords[axis] = (axis, values, {"long_name": f"{axis}, center of the cell", "units": "length"})
+    for name, values in fields.items():
+        about, unit, rank = _FIELDS[name]
+        dims = ("component",) if rank == 1 else ("row", "column")[:rank]
+        for dim, length in zip(dims, values.shape[values.ndim - rank :] if rank else ()):
+            coords[dim] = list(AXES[:length])
+        variables[name] = (("time", *centers, *dims), values, {"long_name": about, "units": unit})
+    return xarray.Dataset(variables, coords)
+
+
+def correlations(file: File) -> dict[str, xarray.Dataset]:
+    """All correlations of a file, by name; see :attr:`haff.File.correlations`."""
+    return {name: correlation(name, columns) for name, columns in correlation_columns(file).items()}
+
+
+def correlation_columns(file: File) -> dict[str, dict[str, Array]]:
+    """As :func:`correlations`, but arrays ``lag``, ``value``, ``error`` and ``count``, which need no xarray."""
+    stored, found = file.stored, {}
+    for name in stored.members("correlations"):
+        if name not in _CORRELATIONS:
+            raise stored.wrong(f"correlations/{name}", f"must be one of {', '.join(_CORRELATIONS)}")
+        kinds = {"lag": "f", "value": "f", "error": "f", "count": "iu"}
+        columns = {part: stored.column(f"correlations/{name}/{part}", (None,), kind) for part, kind in kinds.items()}
+        # Each column is replaced as a whole: after a kill between two of them, the common length counts.
+        rows = min(map(len, columns.values()))
+        lag = columns["lag"][:rows]
+        columns["lag"].require_order(lag)
+        found[name] = {part: column[:rows] for part, column in columns.items()}
+    if not found:
+        raise MissingDataError(
+            f"{file.path}: no correlations (set measure.msd, vacf or stress_correlation in the scene)"
+        )
+    return found
+
+
+def correlation(name: str, columns: Mapping[str, Array]) -> xarray.Dataset:
+    """A correlation as a dataset with the dimension ``lag``."""
+    import xarray
+
+    about, unit = _CORRELATIONS[name]
+    variables = {
+        "value": ("lag", columns["value"], {"long_name": about, "units": unit}),
+        "error": ("lag", columns["error"], {"long_name": f"standard error of the {about}", "units": unit}),
+        "count": ("lag", np.asarray(columns["count"]), {"long_name": "number of pairs of states", "units": "1"}),
+    }
+    return xarray.Dataset(variables, {"lag": ("lag", columns["lag"], {"long_name": "lag", "units": "time"})})
