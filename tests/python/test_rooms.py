@@ -62,6 +62,12 @@ def test_each_room_opens_with_an_essay(name, room):
         assert words in essay, words
 
 
+def test_no_source_has_more_than_500_lines():
+    sources = [path for path in (ROOT / "crates").rglob("*.rs") if "tests" not in path.parts]
+    assert len(sources) > 300
+    assert not [str(path.relative_to(ROOT)) for path in sources if path.read_text().count("\n") > 500]
+
+
 def test_what_the_tests_look_for_is_found(tmp_path):
     files = {
         "lib.rs": "mod low;\nmod high;\n",

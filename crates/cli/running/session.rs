@@ -216,7 +216,7 @@ impl Session<'_> {
         }
         let until = self.run.until.unwrap_or(f64::INFINITY);
         let collisions = self.run.collisions.unwrap_or(u64::MAX);
-        let patience = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
+        let interval = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
         let mut slice = SLICE;
         let mut saved = Instant::now();
         let mut log = EventLog {
@@ -265,7 +265,7 @@ impl Session<'_> {
                 break Ending::WallTime;
             }
             // By wall time, since simulated time is no measure of the work lost by a kill.
-            if saved.elapsed() >= patience {
+            if saved.elapsed() >= interval {
                 log.hand_over()?;
                 self.checkpoint()?;
                 saved = Instant::now();

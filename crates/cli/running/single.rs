@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use haff_engine::{Ledger, Present, System, TRAJECTORY_VERSION};
+use haff_engine::{Ledger, SceneFeatures, System, TRAJECTORY_VERSION};
 use haff_linkage::{AnySimulation, Joints};
 use haff_record::{Header, RecordError, Recorder};
 use haff_scene::{OutputPlan, Scene, Schedule};
@@ -68,7 +68,8 @@ pub fn create(
         observables: output.observables != Schedule::Off,
         events: output.events.clone(),
         compressed: output.compressed,
-        present: Present { springs: !joints.springs.is_empty(), ..Present::of(system) }.with_terms(ledger),
+        present: SceneFeatures { springs: !joints.springs.is_empty(), ..SceneFeatures::of(system) }
+            .with_terms(ledger),
         earlier: texts.earlier,
         conserved_momentum: joints.conserved_momentum(system),
         ..Header::from_system(system)

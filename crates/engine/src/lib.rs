@@ -56,7 +56,7 @@ pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum,
 pub use report::{
     BlockCounts, CORRELATIONS, Checkpoint, Correlation, CorrelationKind, Counters, EventColumn, EventKind,
     EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, NO_PARTNER, Observable, Observer, Partner,
-    Present, ProfileRow, Quantity, RUN_NUMBERS, Sample, Silent, Sizes, Stop, StressTensor, Term, Total,
+    ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop, StressTensor, Term, Total,
     VelocityChange, counts, energies, observables, residual_warning, total_names, totals,
 };
 pub use simulation::{

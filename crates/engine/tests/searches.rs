@@ -201,7 +201,7 @@ fn assert_lists(name: &str, system: &System, collisions: u64) -> Counters {
         assert_eq!(hash, other, "{name}, {simd:?}: state hash");
         simulation.validate(1e-12).unwrap_or_else(|error| panic!("{name}, {simd:?}: {error}"));
         result = simulation.counters();
-        // Only `Nearby` has a filter and counts its candidates.
+        // Only `ListSearch` has a filter and counts its candidates.
         assert!(result.candidates > 0 && result.transfers > 0, "{name}: {result:?}");
     }
     result

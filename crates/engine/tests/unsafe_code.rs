@@ -55,14 +55,14 @@ fn all_kernels_agree_for_equal_spheres() {
     assert_alike("equal spheres", &gas(4, 0.15, 1.0, 1));
 }
 
-/// Dense enough for `Nearby`, whose lists have kernels of their own.
+/// Dense enough for `ListSearch`, whose lists have kernels of their own.
 #[test]
 fn all_kernels_agree_for_dense_spheres() {
     let scene = gas(6, 0.45, 0.95, 4);
     let options = Options { neighbors: NeighborChoice::Lists, ..Options::default() };
     let mut lists = Simulation::new(scene.clone(), options).unwrap();
     lists.advance(Until { collisions: 10, ..Until::default() }, &mut Silent).unwrap();
-    assert!(lists.counters().candidates > 0, "the lists are not those of `Nearby`");
+    assert!(lists.counters().candidates > 0, "the lists are not those of `ListSearch`");
     assert_alike("dense spheres", &scene);
 }
 

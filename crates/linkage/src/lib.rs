@@ -50,6 +50,7 @@ mod contacts;
 mod crossing;
 mod elliptic;
 mod error;
+mod flights;
 mod instant;
 mod linear;
 mod mechanism;

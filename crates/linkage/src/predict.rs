@@ -8,9 +8,10 @@ use haff_engine::Instant;
 
 use crate::{
     crossing::{Search, first_crossing},
+    flights::Flight,
     mechanism::Link,
     motion::{Monitored, Motion},
-    world::{Flight, World},
+    world::World,
 };
 
 /// A search covers this many timescales of the motions at a time.

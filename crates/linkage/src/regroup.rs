@@ -7,10 +7,11 @@ use haff_engine::{EventKind, EventRecord, Observer};
 
 use crate::{
     error::LinkageError,
+    flights::Flight,
     mechanism::{Link, Mechanism, Motions},
     motion::Motion,
     settle::Hit,
-    world::{Flight, World},
+    world::World,
 };
 
 /// Speeds below this part of the scene's count as rest, if forces are balanced.

@@ -7,6 +7,7 @@ use haff_engine::{Instant, Overlap, System, allowed_overlap, model::Restitution}
 
 use crate::{
     accumulators::Accumulators,
+    flights::Flights,
     mechanism::{Coil, End, Link, Mechanism, Motions, Row, Shape},
     model::{Joints, SpringEnd, Tether},
     motion::Motion,
@@ -34,75 +35,6 @@ const SLOW: f64 = 1e-13;
 const SLOW_SCENE: f64 = 1e-15;
 /// Contact distance of two points, as a part of the scene's length.
 const POINT: f64 = 1e-12;
-
-/// Bodies that move together, from one event to the next.
-#[derive(Debug, Clone)]
-pub(crate) struct Flight {
-    pub start: Instant,
-    /// Bodies in the order of the mechanism.
-    pub bodies: Vec<usize>,
-    pub mechanism: Mechanism,
-    pub motion: Motion,
-    /// Initial step of a numerical motion; 0 for the first one.
-    pub hint: f64,
-}
-
-impl Flight {
-    /// The index of a body; bodies are in ascending order.
-    pub fn index_of(&self, body: usize) -> Option<usize> {
-        self.bodies.binary_search(&body).ok()
-    }
-
-    /// End of the range of its motion.
-    pub fn end(&self) -> Instant {
-        self.start.after(self.motion.length())
-    }
-
-    /// States of its bodies at an event that ends it, corrected for errors in what the motion conserves.
-    /// `start`: those at its start; `excess`: see [`Mechanism::restore_energy`]. Returns the new excess, too.
-    pub fn states_at_event(&self, start: &Motions, at: Instant, excess: f64) -> (Motions, f64) {
-        let tau = at.since(self.start);
-        if tau == 0.0 {
-            return (start.clone(), excess);
-        }
-        let mut states = self.states(at);
-        if matches!(self.motion, Motion::Numeric(_)) {
-            self.mechanism.project(tau, &mut states);
-        }
-        let work = self.motion.work(tau);
-        let excess = self.mechanism.restore_energy(tau, start, &mut states, work, excess);
-        (states, excess)
-    }
-
-    /// States of its bodies.
-    pub fn states(&self, at: Instant) -> Motions {
-        let tau = at.since(self.start);
-        (0..self.bodies.len()).map(|k| self.motion.state(k, tau)).collect()
-    }
-}
-
-/// All flights, by the first of their bodies.
-#[derive(Debug, Clone)]
-pub(crate) struct Flights(Vec<Option<Box<Flight>>>);
-
-impl Flights {
-    pub fn get(&self, key: usize) -> Option<&Flight> {
-        self.0[key].as_deref()
-    }
-
-    pub fn insert(&mut self, flight: Flight) {
-        let key = flight.bodies[0];
-        self.0[key] = Some(Box::new(flight));
-    }
-
-    pub fn remove(&mut self, key: usize) -> Option<Flight> {
-        self.0[key].take().map(|flight| *flight)
-    }
-
-    pub fn iter(&self) -> impl Iterator<Item = &Flight> {
-        self.0.iter().filter_map(|flight| flight.as_deref())
-    }
-}
 
 /// A completed series of bounces that has not ended yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -215,7 +147,7 @@ impl World {
             excess: vec![0.0; n],
             anchor,
             flight_key: (0..n).collect(),
-            flights: Flights((0..n).map(|_| None).collect()),
+            flights: Flights::of(n),
             taut: vec![false; joints.pendulums.len()],
             closed: BTreeMap::new(),
             pending: BTreeMap::new(),

@@ -1,7 +1,7 @@
 //! Keys of the scene that change while a simulation goes on.
 
 use glam::DVec3;
-use haff_engine::{EngineError, EventColumn, Observer, Present as Features, Simulation, System};
+use haff_engine::{EngineError, EventColumn, Observer, SceneFeatures as Features, Simulation, System};
 use haff_scene::{Present, Scene, SceneErrors};
 
 use crate::scenes::Files;

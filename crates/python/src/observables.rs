@@ -1,6 +1,6 @@
 //! Samples and counters as dicts, named as in files.
 
-use haff_engine::{Counters, Observable, Present, Quantity, Sample, Sizes, observables};
+use haff_engine::{Counters, Observable, Quantity, Sample, SceneFeatures, Sizes, observables};
 use numpy::PyArrayMethods;
 use pyo3::{prelude::*, types::PyDict};
 
@@ -10,7 +10,7 @@ use crate::arrays::column;
 pub fn sample<'py>(
     py: Python<'py>,
     sample: &Sample,
-    present: &Present,
+    present: &SceneFeatures,
     sizes: Sizes,
 ) -> PyResult<Bound<'py, PyDict>> {
     let row = PyDict::new(py);

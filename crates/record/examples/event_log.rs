@@ -13,7 +13,7 @@ use std::{
 };
 
 use glam::DVec3;
-use haff_engine::{Boundary, EventColumn, EventKind, EventRecord, Present};
+use haff_engine::{Boundary, EventColumn, EventKind, EventRecord, SceneFeatures};
 use haff_record::{Header, Recorder};
 use haff_testing::Random;
 
@@ -98,7 +98,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         observables: false,
         events: columns,
         compressed: !uncompressed,
-        present: Present { springs: false, volume: true, angular_momentum: false, ..Present::all() },
+        present: SceneFeatures {
+            springs: false,
+            volume: true,
+            angular_momentum: false,
+            ..SceneFeatures::all()
+        },
         measure: haff_engine::Measure::default(),
     };
     // The same rows repeatedly: longer than deflate's window, so that it cannot use the repetition.

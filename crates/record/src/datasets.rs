@@ -1,6 +1,6 @@
 //! The groups and datasets of a file: created with it, or opened in an existing file.
 
-use haff_engine::{Boundary, Observable, Present, Quantity, Sizes, observables};
+use haff_engine::{Boundary, Observable, Quantity, SceneFeatures, Sizes, observables};
 use hdf5::{
     Group, H5Type,
     types::{FixedAscii, VarLenUnicode},
@@ -42,7 +42,12 @@ pub(crate) struct Trajectory {
 }
 
 impl Trajectory {
-    fn create(all: &Group, particles: usize, present: &Present, compressed: bool) -> hdf5::Result<Self> {
+    fn create(
+        all: &Group,
+        particles: usize,
+        present: &SceneFeatures,
+        compressed: bool,
+    ) -> hdf5::Result<Self> {
         let storage = frame_storage(particles, compressed);
         let width = [particles, 3];
         // Lengths, or under shear the vectors, one a row.
@@ -208,7 +213,7 @@ impl Observables {
         let group = root.group("observables")?;
         let mut series = Vec::new();
         let mut clock = None;
-        for Observable { name, quantity, .. } in observables(&Present::all()) {
+        for Observable { name, quantity, .. } in observables(&SceneFeatures::all()) {
             if group.link_exists(&name) {
                 let width = quantity.shape(sizes);
                 let values = Series::open(&group, &format!("{name}/value"))?.expect(&width)?;

@@ -1,7 +1,7 @@
 //! The description of a run, written to a file before it starts.
 
 use glam::DVec3;
-use haff_engine::{Body, Boundary, Class, EventColumn, Measure, Present, Sizes, System};
+use haff_engine::{Body, Boundary, Class, EventColumn, Measure, SceneFeatures, Sizes, System};
 
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
@@ -56,7 +56,7 @@ pub struct Header {
     /// Whether frames and the event log are compressed (shuffle and deflate).
     pub compressed: bool,
     /// The parts of the scene that its observables depend on.
-    pub present: Present,
+    pub present: SceneFeatures,
     /// Profiles and correlations.
     pub measure: Measure,
 }
@@ -117,7 +117,7 @@ impl Header {
             observables: true,
             events: Vec::new(),
             compressed: true,
-            present: Present::of(system),
+            present: SceneFeatures::of(system),
             measure: system.measure.clone(),
         }
     }

@@ -1,6 +1,6 @@
 //! Estimate of the size of a file.
 
-use haff_engine::{EventColumn, Present, Sizes, observables};
+use haff_engine::{EventColumn, SceneFeatures, Sizes, observables};
 
 use crate::{datasets::frame_storage, events::EVENT_CHUNK};
 
@@ -68,7 +68,7 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
     let per_frame = 8 + 8 + 24;
     let sizes = Sizes { species: 1, walls: 0, dimension };
     let per_sample = 16
-        + observables(&Present { stress: false, wall_forces: false, spin, ..Present::all() })
+        + observables(&SceneFeatures { stress: false, wall_forces: false, spin, ..SceneFeatures::all() })
             .iter()
             .map(|observable| 8 * observable.quantity.shape(sizes).iter().product::<usize>() as u64)
             .sum::<u64>();

@@ -23,7 +23,7 @@ impl Displaced {
 #[test]
 fn the_nearest_displaced_image_is_that_of_a_search_over_all() {
     let simulation = two_spheres();
-    let boundary = Displaced { periodicity: simulation.state.world.periodicity, offset: 3.25 };
+    let boundary = Displaced { periodicity: simulation.state.world.boundary.periodicity, offset: 3.25 };
     let size = boundary.periodicity.size;
     let mut compared = 0;
     for k in 0..200 {

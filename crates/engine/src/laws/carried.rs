@@ -50,9 +50,9 @@ fn add_carried(state: &mut State, i: u32, wall: u32, speed: f64, time: i64, sign
 
 /// After an event of particle i, which has set its anchor with its whole velocity: the wall still carries it
 /// if it moves along the wall, but for a rounding error of `noise` [length/time].
-pub(crate) fn keep_or_end(state: &mut State, i: u32, wall: u32, noise: f64, time: i64) {
+pub(crate) fn check_carried(state: &mut State, i: u32, wall: u32, noise: f64, time: i64) {
     let world = &mut state.world;
-    let plane = &world.walls[wall as usize];
+    let plane = &world.boundary.walls[wall as usize];
     let n = plane.normal;
     let speed = plane.motion.velocity(n, (&world.clock, time)).dot(n);
     let Particle { position, velocity, .. } = world.particles[i as usize];
@@ -83,7 +83,7 @@ fn keep_others(state: &mut State, i: u32, noise: f64) -> [Option<u16>; 2] {
     let mut kept = [None; 2];
     let mut count = 0;
     for wall in world.support_besides_carrier(i).into_iter().flatten() {
-        let normal = world.walls[usize::from(wall)].normal;
+        let normal = world.boundary.walls[usize::from(wall)].normal;
         let particle = &mut world.particles[i as usize];
         let speed = particle.velocity.dot(normal);
         if speed.abs() <= noise {
@@ -103,10 +103,11 @@ fn keep_others(state: &mut State, i: u32, noise: f64) -> [Option<u16>; 2] {
 /// on a wall at rest. Walls at rest that support it already must be perpendicular to this one.
 pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time: i64) -> Option<Pending> {
     let world = &mut state.world;
-    if law.is_elastic() || world.thresholds.is_some() || !can_start(world, i, wall) {
+    if law.is_elastic() || world.laws.thresholds.is_some() || !can_start(world, i, wall) {
         return None;
     }
-    let (n, motion) = (world.walls[wall as usize].normal, world.walls[wall as usize].motion);
+    let (n, motion) =
+        (world.boundary.walls[wall as usize].normal, world.boundary.walls[wall as usize].motion);
     let mass = world.class(i).mass;
     let pressing = |ticks: i64| motion.acceleration((&world.clock, ticks)) - world.gravity.dot(n);
     let particle = world.particles[i as usize];
@@ -117,7 +118,8 @@ pub(crate) fn start(state: &mut State, i: u32, wall: u32, law: Restitution, time
     let speed = motion.velocity(n, (&world.clock, time)).dot(n);
     let u = (particle.velocity.dot(n) - speed).max(0.0);
     let radius = world.class(i).radius;
-    let reach = particle.position.abs().max(world.walls[wall as usize].point.abs()).max_element() + radius;
+    let reach =
+        particle.position.abs().max(world.boundary.walls[wall as usize].point.abs()).max_element() + radius;
     if u * u > 2.0 * acceleration * (REST_HEIGHT * radius).max(RESOLVED * reach) {
         return None;
     }
@@ -160,7 +162,7 @@ pub(crate) fn release<const EVENTS: bool>(
 ) -> Result<(), EngineError> {
     let world = &state.world;
     let Some(wall) = world.carrier(i) else { return Ok(()) };
-    let plane = &world.walls[wall as usize];
+    let plane = &world.boundary.walls[wall as usize];
     let n = plane.normal;
     let (position, velocity) = world.state(i, time);
     let speed = plane.motion.release_speed(n, (&world.clock, time)) + FASTER * plane.motion.max_speed();
@@ -179,7 +181,7 @@ pub(crate) fn release<const EVENTS: bool>(
             [i, wall],
             &Impact::default(),
             -n,
-            world.periodicity.wrap(position - n * world.class(i).radius).0,
+            world.boundary.periodicity.wrap(position - n * world.class(i).radius).0,
         ));
     }
     Ok(())

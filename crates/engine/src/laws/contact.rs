@@ -75,7 +75,9 @@ pub(crate) fn check_penetration(
     time: i64,
 ) -> Result<(), EngineError> {
     let length = partner.map_or(0.0, |j| world.flight_length(j, time)).max(world.flight_length(i, time));
-    if depth <= allowed_overlap(sigma, coordinates.max_element().max(length) + sigma + world.extent) {
+    if depth
+        <= allowed_overlap(sigma, coordinates.max_element().max(length) + sigma + world.resolution.extent)
+    {
         return Ok(());
     }
     Err(EngineError::Overlap { time: world.clock.shown(time), i, partner, depth: depth / sigma })
@@ -150,12 +152,12 @@ pub(crate) fn touch<F: Features>(
         (r, image_velocity) = world.nearest_image(r, time);
         wj += image_velocity;
     } else {
-        r = world.periodicity.nearest(r);
+        r = world.boundary.periodicity.nearest(r);
     }
     let distance = r.length();
     let n = r / distance;
     let (a, b) = (*world.class(i), *world.class(j));
-    if (!F::UNIFORM || F::GRAVITY) && world.corrects_penetration {
+    if (!F::UNIFORM || F::GRAVITY) && world.laws.corrects_penetration {
         let sigma = a.radius + b.radius;
         let depth = penetration_to_correct(sigma - distance, ri.abs().max(rj.abs()), sigma);
         if depth > 0.0 {

@@ -30,7 +30,7 @@ pub(crate) fn separation_speed(e: f64, speed: f64, acceleration: f64, radius: f6
 /// The acceleration that presses particle i against a wall at `ticks` [length/time²], if a series of bounces
 /// on it cannot be completed in closed form.
 pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64) -> Option<f64> {
-    let plane = &world.walls[wall as usize];
+    let plane = &world.boundary.walls[wall as usize];
     let completes = match plane.motion {
         WallMotion::Fixed => {
             plane.shape.is_none()

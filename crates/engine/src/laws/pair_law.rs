@@ -59,7 +59,7 @@ pub(crate) trait PairLaw {
 /// Resolves a contact by the law of the pair.
 #[inline(always)]
 pub(crate) fn resolve<F: Features>(world: &World, contact: &PairContact) -> (DVec3, DVec3, Impact) {
-    let restitution = world.restitution(&contact.classes[0], &contact.classes[1]);
+    let restitution = world.laws.restitution(&contact.classes[0], &contact.classes[1]);
     if F::REST {
         Settling { restitution }.resolve::<F>(world, contact)
     } else {
@@ -133,7 +133,7 @@ pub(crate) fn coefficient<F: Features>(
         return 1.0;
     }
     // By value: references would put the whole contact into memory (38 instructions).
-    if world.tc > 0.0 && is_within_contact_duration(world, time, bodies, inverse_masses) {
+    if world.laws.tc > 0.0 && is_within_contact_duration(world, time, bodies, inverse_masses) {
         return 1.0;
     }
     law.coefficient_of(speed, reduced)
@@ -143,7 +143,10 @@ pub(crate) fn coefficient<F: Features>(
 #[cold]
 #[inline(never)]
 fn is_within_contact_duration(world: &World, time: i64, bodies: [u32; 2], inverse: [f64; 2]) -> bool {
-    bodies.iter().zip(inverse).any(|(&i, inverse)| inverse != 0.0 && world.contact_age(i, time) < world.tc)
+    bodies
+        .iter()
+        .zip(inverse)
+        .any(|(&i, inverse)| inverse != 0.0 && world.contact_age(i, time) < world.laws.tc)
 }
 
 /// The impact of two bodies with the coefficient of restitution `e`, but at least the separation speed

@@ -125,7 +125,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     if b.inverse_mass != 0.0 {
         world.particles[j as usize].set_anchor(positions[1], after[1], time);
     }
-    if !F::ELASTIC && world.contact_times.is_some() {
+    if !F::ELASTIC && world.laws.contact_times.is_some() {
         world.note_contacts([i, j], time);
     }
     if F::REST {

@@ -21,6 +21,7 @@ fn had_recent_contact(world: &World, thresholds: &Thresholds, i: u32, time: i64)
 /// Whether a contact of two particles at `time` is repeated: one of them had another contact shortly before.
 pub(crate) fn is_repeated_contact(world: &World, pair: [u32; 2], time: i64) -> bool {
     world
+        .laws
         .thresholds
         .is_some_and(|thresholds| pair.iter().any(|&i| had_recent_contact(world, &thresholds, i, time)))
 }
@@ -37,8 +38,8 @@ pub(crate) fn is_repeated_wall_contact(
     acceleration: f64,
     time: i64,
 ) -> bool {
-    let Some(thresholds) = &world.thresholds else { return false };
-    let moves = world.walls[wall as usize].motion.is_moving();
+    let Some(thresholds) = &world.laws.thresholds else { return false };
+    let moves = world.boundary.walls[wall as usize].motion.is_moving();
     let recently_hit = world.particles[i as usize].is_recently_hit()
         && world.contact_age(i, time) * acceleration < 2.0 * speed * UNDISTURBED;
     had_recent_contact(world, thresholds, i, time) && (moves || recently_hit)
@@ -51,7 +52,7 @@ pub(crate) fn is_repeated_wall_contact(
 /// along the normal, positive if it presses the bodies together. Such bodies separate at least at the speed
 /// that they would gain by falling towards each other for [`Thresholds::fall_time`].
 pub(crate) fn separation_speed(world: &World, e: f64, speed: f64, acceleration: f64, repeated: bool) -> f64 {
-    let Some(thresholds) = &world.thresholds else { return e * speed };
+    let Some(thresholds) = &world.laws.thresholds else { return e * speed };
     let mut separation = e * speed;
     if repeated && speed > thresholds.negligible {
         separation = separation.max(speed.min(thresholds.elastic));
@@ -88,9 +89,11 @@ pub(crate) fn push_apart(
 pub(crate) fn wake_if_hit(state: &mut State, i: u32, j: u32, time: i64) -> Vec<u32> {
     let world = &state.world;
     let (at_rest, other) = if world.is_asleep(i) { (i, j) } else { (j, i) };
-    let Some(thresholds) = world.thresholds.filter(|_| world.is_asleep(at_rest)) else { return Vec::new() };
+    let Some(thresholds) = world.laws.thresholds.filter(|_| world.is_asleep(at_rest)) else {
+        return Vec::new();
+    };
     let (position, velocity) = world.state(other, time);
-    let r = world.periodicity.nearest(world.particles[at_rest as usize].position - position);
+    let r = world.boundary.periodicity.nearest(world.particles[at_rest as usize].position - position);
     let speed = velocity.dot(r) / r.length();
     if speed > thresholds.wake || world.body(other).inverse_mass == 0.0 {
         return wake(state, at_rest, time);
@@ -105,7 +108,7 @@ pub(crate) fn wake(state: &mut State, i: u32, time: i64) -> Vec<u32> {
     let mut unsupported = vec![i];
     while let Some(i) = unsupported.pop() {
         let world = &mut state.world;
-        let Some(thresholds) = world.thresholds.filter(|_| world.is_asleep(i)) else { continue };
+        let Some(thresholds) = world.laws.thresholds.filter(|_| world.is_asleep(i)) else { continue };
         world.set_asleep(i, false, time);
         world.particles[i as usize].set_recently_hit(true);
         state.accumulators.counters.wakes += 1;

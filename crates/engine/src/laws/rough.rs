@@ -82,7 +82,7 @@ fn pair<F: Features>(
     let (contact, _) = contact::touch::<F>(world, bodies, time).ok()?;
     let PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], n, .. } = contact;
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
-    let law = spins.pair[a.group * world.groups + b.group];
+    let law = spins.pair[a.group * world.laws.groups + b.group];
     let rough = [spins.body(i, &a, wi), spins.body(j, &b, wj)];
     let (tangential, [change_i, change_j]) = tangential(rough, n, impact.impulse, law);
     Some((tangential, [ui + change_i, uj + change_j], contact))
@@ -210,7 +210,7 @@ pub(crate) fn end_series(state: &mut State, i: u32, velocity: DVec3, rest: &mut 
     if law.is_smooth() {
         return;
     }
-    let n = -world.walls[rest.wall as usize].normal;
+    let n = -world.boundary.walls[rest.wall as usize].normal;
     let bodies = wall_bodies(spins, world, i, velocity, DVec3::ZERO);
     let law = Roughness { tangential_restitution: 0.0, ..law };
     let (tangential, [change, _]) = tangential(bodies, n, rest.impulse, law);
@@ -227,6 +227,6 @@ pub(crate) fn end_series(state: &mut State, i: u32, velocity: DVec3, rest: &mut 
 impl World {
     /// The tangential law of particle i with a wall.
     pub fn roughness(&self, spins: &Spins, i: u32, wall: u32) -> Roughness {
-        spins.wall[self.body(i).group * self.walls.len() + wall as usize]
+        spins.wall[self.body(i).group * self.boundary.walls.len() + wall as usize]
     }
 }

@@ -56,12 +56,13 @@ pub(crate) fn come_to_rest(
     time: i64,
 ) -> Option<Pending> {
     let world = &mut state.world;
-    let normal = world.walls[wall as usize].normal;
+    let normal = world.boundary.walls[wall as usize].normal;
     let (sliding_support, acceleration_before) = before;
     let (acceleration, sliding_acceleration) =
         (-world.acceleration(i).dot(normal), -acceleration_before.dot(normal));
     // An oscillating wall that carried it does not let it fall back in the same way.
-    let was_carried = sliding_support[0].is_some_and(|wall| world.walls[usize::from(wall)].motion.carries());
+    let was_carried =
+        sliding_support[0].is_some_and(|wall| world.boundary.walls[usize::from(wall)].motion.carries());
     let sliding = sliding_support != [None; 3] && !was_carried && sliding_acceleration > 0.0;
     let acceleration = if sliding { sliding_acceleration } else { acceleration };
     let is_carried_along = world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall));
@@ -91,7 +92,7 @@ pub(crate) fn come_to_rest(
         return None;
     }
     *slot = Some(wall as u16);
-    let normals = support.into_iter().flatten().map(|wall| world.walls[usize::from(wall)].normal);
+    let normals = support.into_iter().flatten().map(|wall| world.boundary.walls[usize::from(wall)].normal);
     let remaining = tangential_velocity(velocity, normals);
     world.set_support(i, support, time);
     world.particles[i as usize].velocity = remaining;
@@ -166,11 +167,11 @@ pub(crate) fn keep_supporting_walls(state: &mut State, i: u32, time: i64) {
     let mut support: Support = [None; 3];
     let mut kept = 0;
     if let Some(wall) = world.carrier(i) {
-        carried::keep_or_end(state, i, wall, noise, time);
+        carried::check_carried(state, i, wall, noise, time);
         return;
     }
     for wall in world.support(i).into_iter().flatten() {
-        let normal = world.walls[usize::from(wall)].normal;
+        let normal = world.boundary.walls[usize::from(wall)].normal;
         let speed = velocity.dot(normal);
         if speed.abs() <= noise {
             velocity -= normal * speed;
@@ -194,7 +195,7 @@ pub(crate) fn end_of_bounces<const EVENTS: bool>(
 ) {
     let Some(rest) = state.pending.remove(&i) else { return };
     let world = &state.world;
-    let n = -world.walls[rest.wall as usize].normal;
+    let n = -world.boundary.walls[rest.wall as usize].normal;
     let now = world.clock.shown(time);
     state.accumulators.counters.rests += 1;
     state.accumulators.add_losses(now, rest.energy_loss, rest.carnot_energy);
@@ -209,7 +210,7 @@ pub(crate) fn end_of_bounces<const EVENTS: bool>(
             carnot_energy: rest.carnot_energy,
             ..Impact::default()
         };
-        let contact_point = world.periodicity.wrap(position + n * world.class(i).radius).0;
+        let contact_point = world.boundary.periodicity.wrap(position + n * world.class(i).radius).0;
         let mut row = row(now, EventKind::Rest, [i, rest.wall], &impact, n, contact_point);
         row.impulse_vector += rest.tangential;
         row.tangential_loss = rest.tangential_loss;

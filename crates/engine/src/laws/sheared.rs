@@ -30,14 +30,14 @@ pub(crate) fn make_peculiar(
 /// between their centers and `impulse` that on the second one. Their anchors are still those before.
 #[inline(never)]
 pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse: DVec3, ticks: i64) {
-    if state.world.shear.is_none() {
+    if state.world.boundary.shear.is_none() {
         return;
     }
     for i in bodies {
         note_path(&mut state.world, i, ticks);
         flights::end(state, i, ticks);
     }
-    let Some(shear) = &state.world.shear else { return };
+    let Some(shear) = &state.world.boundary.shear else { return };
     let work = -shear.rate * r[shear.gradient] * impulse[shear.flow];
     let now = state.world.clock.shown(ticks);
     state.accumulators.add_energy(Term::ShearWork, now, work);

@@ -61,7 +61,7 @@ impl World {
         if force != DVec3::ZERO {
             let time = self.clock.shown(ticks);
             self.force.change(force, time);
-            if let Some(sums) = &mut self.wall_sums {
+            if let Some(sums) = &mut self.boundary.wall_sums {
                 sums.change_support([(slide.wall as u16, force)].into_iter(), 1.0, time);
             }
         }
@@ -78,7 +78,7 @@ fn friction_on(state: &State, i: u32, time: i64) -> Option<Slide> {
     if state.pending.contains_key(&i) || world.carrier(i).is_some() || law.is_smooth() {
         return None;
     }
-    let n = world.walls[wall as usize].normal;
+    let n = world.boundary.walls[wall as usize].normal;
     let pressure = -world.gravity.dot(n);
     if pressure <= 0.0 {
         return None;
@@ -187,7 +187,7 @@ fn remove(state: &mut State, i: u32, time: i64) -> Option<Slide> {
 fn stick(state: &mut State, i: u32, slide: &Slide, time: i64) -> TangentialImpact {
     let world = &mut state.world;
     let Some([body, floor]) = world.bodies_on_wall(i, time) else { return TangentialImpact::default() };
-    let n = -world.walls[slide.wall as usize].normal;
+    let n = -world.boundary.walls[slide.wall as usize].normal;
     let law = Roughness { tangential_restitution: 0.0, friction: f64::INFINITY };
     let last = tangential_impact(&body, &floor, n, 0.0, law);
     world.particles[i as usize].velocity = body.velocity - last.impulse * body.inverse_mass;
@@ -215,10 +215,10 @@ fn record<const EVENTS: bool>(
     state.accumulators.add_losses(now, energy_loss, last.carnot_energy);
     world.add_wall_heat(slide.wall, -energy_loss);
     if EVENTS && slide.slips() {
-        let n = -world.walls[slide.wall as usize].normal;
+        let n = -world.boundary.walls[slide.wall as usize].normal;
         let position = world.particles[i as usize].position + n * world.class(i).radius;
         let impact = Impact { energy_loss, carnot_energy: last.carnot_energy, ..Impact::default() };
-        let place = world.periodicity.wrap(position).0;
+        let place = world.boundary.periodicity.wrap(position).0;
         let mut row = row(now, EventKind::Slide, [i, slide.wall], &impact, n, place);
         row.impulse_vector = last.impulse - slide.impulse(&world.clock, time) * mass;
         row.tangential_loss = energy_loss;

@@ -40,14 +40,14 @@ pub(crate) fn touch_wall<F: Features>(
     let depth = penetration_to_correct(-gap, position.abs(), class.radius);
     if depth > 0.0 {
         let coordinates =
-            position.abs().max(world.coordinates(i)).max(world.walls[wall as usize].point.abs());
+            position.abs().max(world.coordinates(i)).max(world.boundary.walls[wall as usize].point.abs());
         check_penetration(world, depth, class.radius, coordinates, (i, None), time)?;
     }
     let normal = world.wall_normal(wall, position);
     if depth > 0.0 || world.is_level(wall) {
         position -= normal * gap;
     }
-    let plane = &world.walls[wall as usize];
+    let plane = &world.boundary.walls[wall as usize];
     let (n, wall_velocity) = (-normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
     Ok(WallContact { i, wall, time, position, velocity, n, wall_velocity })
 }

@@ -192,7 +192,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
         let approach_speed = before.dot(n);
         let impulse = -class.mass * change.dot(n);
         let impact = Impact { approach_speed, impulse, ..Impact::default() };
-        let contact_point = state.world.periodicity.wrap(position + n * class.radius).0;
+        let contact_point = state.world.boundary.periodicity.wrap(position + n * class.radius).0;
         let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
         row.impulse_vector = change * -class.mass;
         observer.event(&row);
@@ -242,7 +242,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     if EVENTS {
         let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
         observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
-        let contact_point = world.periodicity.wrap(position + n * class.radius).0;
+        let contact_point = world.boundary.periodicity.wrap(position + n * class.radius).0;
         let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
         if let Some(tangential) = &tangential {
             tangential.add_to(&mut row);
@@ -252,9 +252,9 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     if F::GRAVITY {
         keep_supporting_walls(state, i, time);
         // Supports have the normal of the wall: no grain rests on a partition, or on a curved surface.
-        let can_rest = state.world.walls[wall as usize].shape.is_none();
+        let can_rest = state.world.boundary.walls[wall as usize].shape.is_none();
         if can_rest && !repeated && state.world.wall_law(&class, wall).has_series() {
-            let rest = match state.world.walls[wall as usize].motion {
+            let rest = match state.world.boundary.walls[wall as usize].motion {
                 WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
                 WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
                 WallMotion::Constant(_) => None,

@@ -79,9 +79,9 @@ impl Correlator {
         if let Some(msd) = &mut self.msd {
             let unwrapped = |&i: &u32| {
                 let [x, y, z] = world.images[i as usize].map(f64::from);
-                let image = glam::DVec3::new(x, y, z) * world.periodicity.size;
+                let image = glam::DVec3::new(x, y, z) * world.boundary.periodicity.size;
                 let mut position = world.state(i, world.now).0 + image;
-                if let Some(shear) = &world.shear {
+                if let Some(shear) = &world.boundary.shear {
                     // Only across the flow are displacements those of diffusion.
                     position[shear.flow] = 0.0;
                 }

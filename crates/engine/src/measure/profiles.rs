@@ -167,7 +167,7 @@ impl Profile {
                 continue;
             }
             let (mut position, velocity) = world.peculiar(i, world.now);
-            if world.shear.is_some() {
+            if world.boundary.shear.is_some() {
                 position = world.wrap(position, world.now).0;
             }
             let Some(cell) = self.cell(position) else { continue };

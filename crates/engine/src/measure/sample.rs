@@ -92,7 +92,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
         (thermal + accumulators.virial()) / (d * volume * span)
     });
-    let periodic = world.periodicity.is_periodic.contains(&true);
+    let periodic = world.boundary.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
     let impulse = accumulators.impulse() + totals.carried.1;
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };

@@ -13,11 +13,11 @@ impl World {
     /// The oscillating wall that carries particle i.
     #[inline]
     pub fn carrier(&self, i: u32) -> Option<u32> {
-        if !self.carries || !self.particles[i as usize].rests() {
+        if !self.boundary.carries || !self.particles[i as usize].rests() {
             return None;
         }
-        let wall = self.support[i as usize][0]?;
-        self.walls[usize::from(wall)].motion.carries().then_some(u32::from(wall))
+        let wall = self.supported.support[i as usize][0]?;
+        self.boundary.walls[usize::from(wall)].motion.carries().then_some(u32::from(wall))
     }
 
     /// Position and velocity at `ticks` of a particle that a wall carries, from its flight along the wall.
@@ -28,7 +28,7 @@ impl World {
         ticks: i64,
         (position, velocity): (DVec3, DVec3),
     ) -> (DVec3, DVec3) {
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         let shift = |ticks: i64| wall.motion.displacement(wall.normal, (&self.clock, ticks));
         let since = self.particles[i as usize].time;
         (
@@ -42,7 +42,8 @@ impl World {
     pub fn are_perpendicular(&self, a: u32, b: u32) -> bool {
         /// Cosine of walls that are perpendicular but for rounding.
         const PERPENDICULAR: f64 = 1e-15;
-        self.walls[a as usize].normal.dot(self.walls[b as usize].normal).abs() <= PERPENDICULAR
+        self.boundary.walls[a as usize].normal.dot(self.boundary.walls[b as usize].normal).abs()
+            <= PERPENDICULAR
     }
 
     /// The walls that support particle i besides the one that carries it, if there is one.
@@ -57,7 +58,7 @@ impl World {
     /// Energy and momentum along the normal of a body of this mass that a wall carries, at its velocity along
     /// the normal.
     pub fn carried_energy(&self, wall: u32, mass: f64, speed: f64, ticks: i64) -> (f64, DVec3) {
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         let height = wall.motion.displacement(wall.normal, (&self.clock, ticks)).dot(wall.normal);
         let weight = self.gravity.dot(wall.normal);
         (mass * (0.5 * speed * speed - weight * height), mass * speed * wall.normal)
@@ -65,14 +66,16 @@ impl World {
 
     /// Energy and momentum along the normals of all carried particles at the present.
     pub fn all_carried(&self) -> (f64, DVec3) {
-        if !self.carries || self.resting == 0 {
+        if !self.boundary.carries || self.supported.resting == 0 {
             return (0.0, DVec3::ZERO);
         }
         let [energy, x, y, z] = total(self.particles.len(), |i| {
             let Some(wall) = self.carrier(i) else { return [0.0; 4] };
-            let normal = self.walls[wall as usize].normal;
-            let speed =
-                self.walls[wall as usize].motion.velocity(normal, (&self.clock, self.now)).dot(normal);
+            let normal = self.boundary.walls[wall as usize].normal;
+            let speed = self.boundary.walls[wall as usize]
+                .motion
+                .velocity(normal, (&self.clock, self.now))
+                .dot(normal);
             let (energy, momentum) = self.carried_energy(wall, self.class(i).mass, speed, self.now);
             [energy, momentum.x, momentum.y, momentum.z]
         });
@@ -81,7 +84,7 @@ impl World {
 
     /// Time from the anchor of a carried particle until the wall is left \[ticks\].
     pub fn release(&self, i: u32, wall: u32) -> Option<f64> {
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         let anchor = self.particles[i as usize].time;
         let delay = wall.motion.time_to_release(self.gravity.dot(wall.normal), (&self.clock, anchor))?;
         Some(delay * self.clock.per_time)

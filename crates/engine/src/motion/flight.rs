@@ -11,7 +11,7 @@ use crate::{
 impl World {
     /// Whether particles have no acceleration in their flights.
     pub fn flies_straight(&self) -> bool {
-        self.gravity == DVec3::ZERO && !self.carries
+        self.gravity == DVec3::ZERO && !self.boundary.carries
     }
 
     /// Acceleration of a particle in its flight [length/time²], without that of a wall that carries it.
@@ -41,16 +41,19 @@ impl World {
     fn supported_acceleration(&self, i: u32) -> DVec3 {
         if let Some(wall) = self.carrier(i) {
             // A wall that accelerates carries a grain also against gravity.
-            let n = self.walls[wall as usize].normal;
+            let n = self.boundary.walls[wall as usize].normal;
             let along = self.gravity - n * self.gravity.dot(n);
             let along = along - n * along.dot(n);
             // Other walls that support it are perpendicular to its carrier.
-            let others = self.support[i as usize][1..].iter().flatten();
-            return unbalanced_gravity(along, &others.map(|&wall| self.walls[usize::from(wall)].normal));
+            let others = self.supported.support[i as usize][1..].iter().flatten();
+            return unbalanced_gravity(
+                along,
+                &others.map(|&wall| self.boundary.walls[usize::from(wall)].normal),
+            );
         }
-        let walls = self.support[i as usize].iter().flatten();
+        let walls = self.supported.support[i as usize].iter().flatten();
         let unbalanced =
-            unbalanced_gravity(self.gravity, &walls.map(|&wall| self.walls[wall as usize].normal));
+            unbalanced_gravity(self.gravity, &walls.map(|&wall| self.boundary.walls[wall as usize].normal));
         if self.spin.is_some() { unbalanced + self.friction(i) } else { unbalanced }
     }
 
@@ -101,7 +104,7 @@ impl World {
     /// Magnitudes to which the rounding error of the position of particle i is relative \[length\]: those of
     /// its coordinates at its own last event, or the longest flight if that is longer.
     pub fn coordinates(&self, i: u32) -> DVec3 {
-        self.particles[i as usize].position.abs().max(DVec3::splat(self.longest_flight))
+        self.particles[i as usize].position.abs().max(DVec3::splat(self.resolution.longest_flight))
     }
 
     /// Moves the anchor of particle i along its flight to the present, which is no own event.
@@ -112,18 +115,18 @@ impl World {
             // into its wall.
             let radius = self.class(i).radius;
             let (distance, _) = self.wall_approach(wall, radius, position, velocity, self.now);
-            position -= self.walls[wall as usize].normal * distance.min(0.0);
+            position -= self.boundary.walls[wall as usize].normal * distance.min(0.0);
         }
         if let Some(wall) = self.carrier(i) {
             // The anchor has the velocity along the wall.
-            let wall = &self.walls[wall as usize];
+            let wall = &self.boundary.walls[wall as usize];
             velocity -= wall.motion.velocity(wall.normal, (&self.clock, self.now));
         }
         let age = self.age(i, self.now);
         let particle = &mut self.particles[i as usize];
         (particle.position, particle.velocity, particle.time) = (position, velocity, self.now);
         self.wrap_anchor(i);
-        if let Some(shear) = &self.shear {
+        if let Some(shear) = &self.boundary.shear {
             // A contact that is due now has been predicted for an image that has come this far.
             let speeds = [velocity, self.particles[i as usize].velocity].map(|v| v[shear.flow].abs());
             self.note_path((speeds[0].max(speeds[1]) + shear.speed.abs()) * age);
@@ -134,7 +137,7 @@ impl World {
     #[inline(always)]
     pub fn wrap_anchor(&mut self, i: u32) -> [i32; 3] {
         let position = self.particles[i as usize].position;
-        if self.periodicity.contains(position) {
+        if self.boundary.periodicity.contains(position) {
             return [0; 3];
         }
         self.wrap_anchor_outside(i, position)
@@ -148,20 +151,22 @@ impl World {
         if wraps != [0; 3] {
             let particle = &mut self.particles[i as usize];
             particle.position = position;
-            if self.shear.is_some() {
+            if self.boundary.shear.is_some() {
                 particle.velocity += velocity;
             }
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
                 *image += turns;
             }
-            if let Some(shear) = &self.shear {
+            if let Some(shear) = &self.boundary.shear {
                 // Wraps along the flow are not the length of a flight.
                 self.note_path(before[shear.flow].abs());
                 return wraps;
             }
             for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {
-                self.longest_flight =
-                    self.longest_flight.max(f64::from(turns).abs() * self.periodicity.size[axis]);
+                self.resolution.longest_flight = self
+                    .resolution
+                    .longest_flight
+                    .max(f64::from(turns).abs() * self.boundary.periodicity.size[axis]);
             }
         }
         wraps

@@ -38,7 +38,7 @@ impl World {
         if class.inverse_mass == 0.0 || duration <= 0.0 {
             return [0.0; 9];
         }
-        let (velocity, acceleration) = match &self.shear {
+        let (velocity, acceleration) = match &self.boundary.shear {
             Some(shear) => {
                 let velocity = particle.velocity - shear.velocity(particle.position);
                 (velocity, DVec3::AXES[shear.flow] * (-shear.rate * velocity[shear.gradient]))
@@ -52,9 +52,9 @@ impl World {
             std::array::from_fn(|k| class.mass * duration * (of_velocity[k] + twelfth * of_acceleration[k]));
         let mut momentum = class.mass * duration * c;
         if let Some(wall) = self.carrier(i)
-            && let WallMotion::Oscillating(motion) = self.walls[wall as usize].motion
+            && let WallMotion::Oscillating(motion) = self.boundary.walls[wall as usize].motion
         {
-            let n = self.walls[wall as usize].normal;
+            let n = self.boundary.walls[wall as usize].normal;
             let [moved, moment, square] = motion.integrals(start.after(0.5 * duration), duration);
             let along = symmetric(n, 2.0 * (c * moved + acceleration * moment));
             let of_wall = symmetric(n, n * square);
@@ -92,7 +92,7 @@ impl Accumulators {
 /// acceleration is still that of the flight.
 #[inline(always)]
 pub(crate) fn end(state: &mut State, i: u32, ticks: i64) {
-    if !state.world.flies_straight() || state.world.shear.is_some() {
+    if !state.world.flies_straight() || state.world.boundary.shear.is_some() {
         end_after(state, i, state.world.age(i, ticks));
     }
 }

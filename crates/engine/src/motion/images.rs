@@ -38,12 +38,12 @@ impl World {
     /// Velocity of the flow at a position; zero without shear.
     #[inline]
     pub fn flow_velocity(&self, position: DVec3) -> DVec3 {
-        self.shear.as_ref().map_or(DVec3::ZERO, |shear| shear.velocity(position))
+        self.boundary.shear.as_ref().map_or(DVec3::ZERO, |shear| shear.velocity(position))
     }
 
     /// The displacement of images at `ticks`; zero without shear.
     pub fn displacement(&self, ticks: i64) -> Displacement {
-        match &self.shear {
+        match &self.boundary.shear {
             Some(shear) => shear.at(self.clock.instant(ticks)),
             None => Displacement { turns: 0, offset: 0.0 },
         }
@@ -51,9 +51,9 @@ impl World {
 
     /// Edge vectors of the box at `ticks`.
     pub fn edges(&self, ticks: i64) -> [DVec3; 3] {
-        let size = self.periodicity.size;
+        let size = self.boundary.periodicity.size;
         let mut edges = [0, 1, 2].map(|axis| DVec3::AXES[axis] * size[axis]);
-        if let Some(shear) = &self.shear {
+        if let Some(shear) = &self.boundary.shear {
             edges[shear.gradient][shear.flow] = self.displacement(ticks).offset;
         }
         edges
@@ -61,7 +61,7 @@ impl World {
 
     /// The images for a search that is built at the present.
     pub fn sliding_images(&self) -> Option<Sliding> {
-        let shear = self.shear.as_ref()?;
+        let shear = self.boundary.shear.as_ref()?;
         let Displacement { turns, offset } = self.displacement(self.now);
         let SlidingImages { flow, gradient, speed, .. } = *shear;
         Some(Sliding { flow, gradient, speed, offset, turns, start: self.now, tick: self.clock.tick })
@@ -75,12 +75,12 @@ impl World {
             return (r, v);
         }
         if F::SHEAR
-            && let Some(shear) = &self.shear
+            && let Some(shear) = &self.boundary.shear
             && shift[shear.gradient] != 0
         {
             return self.image_at(shear, r, v, shift, ticks);
         }
-        (self.periodicity.image(r, shift), v)
+        (self.boundary.periodicity.image(r, shift), v)
     }
 
     #[inline(never)]
@@ -97,7 +97,7 @@ impl World {
         let along = i64::from(shift[shear.flow]) + i64::from(shift[shear.gradient]) * turns;
         let mut lengths = shift.map(f64::from);
         lengths[shear.flow] = along as f64;
-        let mut moved = DVec3::from_array(lengths) * self.periodicity.size;
+        let mut moved = DVec3::from_array(lengths) * self.boundary.periodicity.size;
         moved[shear.flow] += up * offset;
         v[shear.flow] += up * shear.speed;
         (r + moved, v)
@@ -107,12 +107,12 @@ impl World {
     /// present, when the difference of positions is `present`.
     #[inline(always)]
     pub fn image_of_present(&self, r: DVec3, v: DVec3, present: DVec3, ticks: i64) -> (DVec3, DVec3) {
-        if let Some(shear) = &self.shear
+        if let Some(shear) = &self.boundary.shear
             && 2.0 * present[shear.gradient].abs() > shear.height
         {
             return self.sliding_image_of_present(shear, r, v, present, ticks);
         }
-        (r + self.periodicity.offset(present), v)
+        (r + self.boundary.periodicity.offset(present), v)
     }
 
     #[inline(never)]
@@ -127,7 +127,7 @@ impl World {
         let Displacement { turns, offset } = self.displacement(self.now);
         let up = -(present[shear.gradient] / shear.height).round_ties_even();
         present[shear.flow] += up * offset;
-        let mut shift = [0, 1, 2].map(|axis| -self.periodicity.turns(present[axis], axis) as i32);
+        let mut shift = [0, 1, 2].map(|axis| -self.boundary.periodicity.turns(present[axis], axis) as i32);
         shift[shear.gradient] = up as i32;
         shift[shear.flow] -= (up as i64 * turns) as i32;
         self.image_at(shear, r, v, shift, ticks)
@@ -137,8 +137,8 @@ impl World {
     /// image must be nearer than half of the box.
     #[inline(always)]
     pub fn nearest_image(&self, r: DVec3, ticks: i64) -> (DVec3, DVec3) {
-        match &self.shear {
-            None => (self.periodicity.nearest(r), DVec3::ZERO),
+        match &self.boundary.shear {
+            None => (self.boundary.periodicity.nearest(r), DVec3::ZERO),
             Some(shear) => self.nearest_sliding_image(shear, r, ticks),
         }
     }
@@ -152,17 +152,17 @@ impl World {
             r[shear.flow] += up * self.displacement(ticks).offset;
             velocity[shear.flow] = up * shear.speed;
         }
-        (self.periodicity.nearest(r), velocity)
+        (self.boundary.periodicity.nearest(r), velocity)
     }
 
     /// Wraps a position at `ticks` into the box: the position, the number of box lengths, which along the
     /// flow count from the start of the run, and the velocity that has to be added.
     pub fn wrap(&self, mut position: DVec3, ticks: i64) -> (DVec3, [i32; 3], DVec3) {
-        let Some(shear) = &self.shear else {
-            let (position, wraps) = self.periodicity.wrap(position);
+        let Some(shear) = &self.boundary.shear else {
+            let (position, wraps) = self.boundary.periodicity.wrap(position);
             return (position, wraps, DVec3::ZERO);
         };
-        let up = self.periodicity.wrap(position).1[shear.gradient];
+        let up = self.boundary.periodicity.wrap(position).1[shear.gradient];
         let mut velocity = DVec3::ZERO;
         let mut turned = 0;
         if up != 0 {
@@ -171,7 +171,7 @@ impl World {
             velocity[shear.flow] = -f64::from(up) * shear.speed;
             turned = (i64::from(up) * turns) as i32;
         }
-        let (position, mut wraps) = self.periodicity.wrap(position);
+        let (position, mut wraps) = self.boundary.periodicity.wrap(position);
         wraps[shear.flow] -= turned;
         (position, wraps, velocity)
     }
@@ -179,7 +179,7 @@ impl World {
     /// The image numbers of a particle at `ticks` in the box whose edge along the gradient is displaced by at
     /// most half an edge: unwrapped position = position + Σ image · edge.
     pub fn image_in_box(&self, mut image: [i32; 3], ticks: i64) -> [i32; 3] {
-        if let Some(shear) = &self.shear {
+        if let Some(shear) = &self.boundary.shear {
             let turns = self.displacement(ticks).turns;
             image[shear.flow] += (i64::from(image[shear.gradient]) * turns) as i32;
         }
@@ -188,7 +188,7 @@ impl World {
 
     /// The opposite of [`Self::image_in_box`].
     pub fn image_from_box(&self, mut image: [i32; 3], ticks: i64) -> [i32; 3] {
-        if let Some(shear) = &self.shear {
+        if let Some(shear) = &self.boundary.shear {
             let turns = self.displacement(ticks).turns;
             image[shear.flow] -= (i64::from(image[shear.gradient]) * turns) as i32;
         }

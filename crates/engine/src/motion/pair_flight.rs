@@ -72,7 +72,7 @@ impl PairFlight {
             let (r, v) = world.image_of_present(separation, v, present, from);
             return Some(Self { from, r, v, sigma2, velocities: [va, vb] });
         }
-        let r = separation + world.periodicity.offset(present);
+        let r = separation + world.boundary.periodicity.offset(present);
         Some(Self { from, r, v, sigma2, velocities: [va, vb] })
     }
 }

@@ -22,14 +22,14 @@ impl World {
 
     /// [`Self::set_scale`] with the largest speed for which the tick is short enough [length/time].
     pub fn set_fastest(&mut self, extent: f64, fastest: f64) {
-        (self.extent, self.fastest) = (extent, fastest);
-        self.fastest_square = (fastest * fastest).min(f64::MAX);
+        (self.resolution.extent, self.resolution.fastest) = (extent, fastest);
+        self.resolution.fastest_square = (fastest * fastest).min(f64::MAX);
     }
 
     /// Whether the tick is short enough for a velocity; false if it is not finite.
     #[inline(always)]
     pub fn is_resolved(&self, velocity: DVec3) -> bool {
-        velocity.length_squared() <= self.fastest_square
+        velocity.length_squared() <= self.resolution.fastest_square
     }
 
     /// A bound on the speed of particles: the largest present speed of bodies and walls, plus the gain of a
@@ -37,12 +37,16 @@ impl World {
     pub fn largest_speed(&self, extent: f64) -> f64 {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
-            .chain(self.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
-            .chain(self.shear.iter().map(|shear| shear.speed.powi(2)))
+            .chain(self.boundary.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
+            .chain(self.boundary.shear.iter().map(|shear| shear.speed.powi(2)))
             .fold(0.0, f64::max);
         let present = (fastest + 2.0 * self.gravity.length() * extent).sqrt();
         // What is given soon, if the present speeds are much lower: the tick is chosen for a whole epoch.
-        if self.given_speed > GIVEN_RATIO * present { self.given_speed } else { present }
+        if self.resolution.given_speed > GIVEN_RATIO * present {
+            self.resolution.given_speed
+        } else {
+            present
+        }
     }
 
     /// Largest extent of the system along any axis [length].
@@ -55,7 +59,7 @@ impl World {
                     extent = extent.max(self.state(i, self.now).0[axis].abs());
                 }
             } else {
-                extent = extent.max(self.periodicity.size[axis]);
+                extent = extent.max(self.boundary.periodicity.size[axis]);
             }
         }
         extent.max(2.0 * radius)

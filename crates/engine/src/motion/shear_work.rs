@@ -24,15 +24,15 @@ impl World {
 
     /// The work of the shear in the flights since the anchors of all particles.
     pub fn pending_shear_work(&self) -> f64 {
-        let Some(shear) = &self.shear else { return 0.0 };
+        let Some(shear) = &self.boundary.shear else { return 0.0 };
         let [work] = total(self.particles.len(), |i| [self.flight_work(shear, i, self.age(i, self.now))]);
         work
     }
 
     /// Notes the length of a path in a sheared box \[length\], if it is longer than two edges.
     pub fn note_path(&mut self, path: f64) {
-        if self.shear.is_some_and(|shear| path > 2.0 * shear.length) {
-            self.longest_flight = self.longest_flight.max(path);
+        if self.boundary.shear.is_some_and(|shear| path > 2.0 * shear.length) {
+            self.resolution.longest_flight = self.resolution.longest_flight.max(path);
         }
     }
 }
@@ -40,7 +40,7 @@ impl World {
 /// How far particle i and its images have come along the flow at `ticks` since its anchor \[length\]: the
 /// rounding error of a contact is relative to that.
 pub(crate) fn path(world: &World, i: u32, ticks: i64) -> f64 {
-    let Some(shear) = &world.shear else { return 0.0 };
+    let Some(shear) = &world.boundary.shear else { return 0.0 };
     let along = world.particles[i as usize].velocity[shear.flow].abs();
     along.max(shear.speed.abs()) * world.age(i, ticks)
 }
@@ -54,7 +54,7 @@ pub(crate) fn note_path(world: &mut World, i: u32, ticks: i64) {
 /// Adds the work of the shear on particle i in `duration` \[time\] from its anchor. It gets another one then.
 pub(crate) fn end_flight_after(state: &mut State, i: u32, duration: f64) {
     let State { world, accumulators, .. } = state;
-    let Some(shear) = &world.shear else { return };
+    let Some(shear) = &world.boundary.shear else { return };
     let work = world.flight_work(shear, i, duration);
     accumulators.add_work_in_flight(Term::ShearWork, work);
 }

@@ -51,18 +51,18 @@ impl World {
 
     /// [`Self::set_support`] without changing the force.
     pub fn replace_support(&mut self, i: u32, support: Support) {
-        if self.support.is_empty() {
-            self.support = vec![[None; 3]; self.particles.len()];
+        if self.supported.support.is_empty() {
+            self.supported.support = vec![[None; 3]; self.particles.len()];
         }
-        self.support[i as usize] = support;
+        self.supported.support[i as usize] = support;
         let (before, after) = (self.particles[i as usize].rests(), support != [None; 3]);
-        self.resting = self.resting + usize::from(after) - usize::from(before);
+        self.supported.resting = self.supported.resting + usize::from(after) - usize::from(before);
         self.particles[i as usize].set_rests(after);
     }
 
     /// The walls that support particle i.
     pub fn support(&self, i: u32) -> Support {
-        if self.particles[i as usize].rests() { self.support[i as usize] } else { [None; 3] }
+        if self.particles[i as usize].rests() { self.supported.support[i as usize] } else { [None; 3] }
     }
 
     /// Changes the total force of gravity and of supporting walls from `ticks` on.
@@ -75,8 +75,8 @@ impl World {
     /// Whether nothing moves and nothing will.
     pub fn is_at_rest(&self) -> bool {
         let free = self.classes.iter().any(|class| class.inverse_mass != 0.0);
-        (self.gravity == DVec3::ZERO || self.resting + self.asleep > 0 || !free)
-            && !self.walls.iter().any(|wall| wall.motion.is_moving())
+        (self.gravity == DVec3::ZERO || self.supported.resting + self.asleep > 0 || !free)
+            && !self.boundary.walls.iter().any(|wall| wall.motion.is_moving())
             && (0..self.particles.len() as u32).all(|i| {
                 self.particles[i as usize].velocity == DVec3::ZERO && self.acceleration(i) == DVec3::ZERO
             })

@@ -12,7 +12,7 @@ impl World {
     /// Adds an impulse on a particle by a wall to the sums of the wall, if these are measured.
     #[inline]
     pub fn add_wall_impulse(&mut self, wall: u32, impulse: DVec3) {
-        if let Some(sums) = &mut self.wall_sums {
+        if let Some(sums) = &mut self.boundary.wall_sums {
             sums.add_impulse(wall, impulse);
         }
     }
@@ -20,7 +20,7 @@ impl World {
     /// Adds an energy given by a wall to the sums of the wall, if these are measured.
     #[inline]
     pub fn add_wall_heat(&mut self, wall: u32, energy: f64) {
-        if let Some(sums) = &mut self.wall_sums {
+        if let Some(sums) = &mut self.boundary.wall_sums {
             sums.add_heat(wall, energy);
         }
     }
@@ -29,13 +29,13 @@ impl World {
     /// off (`sign` −1), if these are measured.
     pub fn change_support_of_walls(&mut self, i: u32, sign: f64, ticks: i64) {
         let class = *self.class(i);
-        if self.wall_sums.is_none() || class.inverse_mass == 0.0 {
+        if self.boundary.wall_sums.is_none() || class.inverse_mass == 0.0 {
             return;
         }
         let force = class.mass * (self.acceleration(i) - self.gravity);
         let shares = self.shares(self.support(i), force);
         let time = self.clock.shown(ticks);
-        if let Some(sums) = &mut self.wall_sums {
+        if let Some(sums) = &mut self.boundary.wall_sums {
             sums.change_support(shares.into_iter(), sign, time);
         }
     }
@@ -43,7 +43,7 @@ impl World {
     /// Adds an impulse on a particle by the walls that support it to the sums of these walls, if these are
     /// measured.
     pub fn add_support_impulse(&mut self, support: Support, impulse: DVec3) {
-        if self.wall_sums.is_some() {
+        if self.boundary.wall_sums.is_some() {
             for (wall, share) in self.shares(support, impulse) {
                 self.add_wall_impulse(u32::from(wall), share);
             }
@@ -53,14 +53,15 @@ impl World {
     /// The shares of the walls of `support` in a vector along their normals.
     fn shares(&self, support: Support, vector: DVec3) -> Vec<(u16, DVec3)> {
         let walls: Vec<u16> = support.into_iter().flatten().collect();
-        let normals: Vec<DVec3> = walls.iter().map(|&wall| self.walls[usize::from(wall)].normal).collect();
+        let normals: Vec<DVec3> =
+            walls.iter().map(|&wall| self.boundary.walls[usize::from(wall)].normal).collect();
         shares(&normals, vector).into_iter().map(|(k, share)| (walls[k], share)).collect()
     }
 
     /// Adds to a sample the force on each wall and the heat that it gives, as means since the previous
     /// sample.
     pub fn complete_walls(&mut self, time: f64, sample: &mut Sample) {
-        let Some(mut sums) = self.wall_sums.take() else { return };
+        let Some(mut sums) = self.boundary.wall_sums.take() else { return };
         let carried = self.carried_by_wall();
         let span = sums.sampled_at.map_or(0.0, |at| time - at);
         let mean = |value: f64| if span > 0.0 { value / span } else { f64::NAN };
@@ -76,18 +77,19 @@ impl World {
             (wall.support.total, wall.support.until) = (total, time);
         }
         sums.sampled_at = Some(time);
-        self.wall_sums = Some(sums);
+        self.boundary.wall_sums = Some(sums);
     }
 
     /// Momentum along its normal that each wall has given to the grains that it carries.
     pub fn carried_by_wall(&self) -> Vec<DVec3> {
-        let carries = |wall: u32| self.carries && self.walls[wall as usize].motion.carries();
-        (0..self.walls.len() as u32)
+        let carries =
+            |wall: u32| self.boundary.carries && self.boundary.walls[wall as usize].motion.carries();
+        (0..self.boundary.walls.len() as u32)
             .map(|wall| {
                 if !carries(wall) {
                     return DVec3::ZERO;
                 }
-                let plane = &self.walls[wall as usize];
+                let plane = &self.boundary.walls[wall as usize];
                 let [mass] = total(self.particles.len(), |i| {
                     [if self.carrier(i) == Some(wall) { self.class(i).mass } else { 0.0 }]
                 });

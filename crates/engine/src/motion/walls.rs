@@ -20,16 +20,16 @@ impl World {
         velocity: DVec3,
         ticks: i64,
     ) -> (f64, f64) {
-        if let Some(shape) = &self.walls[wall as usize].shape {
+        if let Some(shape) = &self.boundary.walls[wall as usize].shape {
             let (distance, rate) = shape.surface().approach(position, velocity);
             return (distance - radius, rate);
         }
         if self.is_level(wall) {
-            let wall = &self.walls[wall as usize];
+            let wall = &self.boundary.walls[wall as usize];
             let contact = wall.point.dot(wall.normal) + radius;
             return (position.dot(wall.normal) - contact, velocity.dot(wall.normal));
         }
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         let mut point = wall.point;
         let mut relative = velocity;
         if wall.motion.is_moving() {
@@ -48,12 +48,12 @@ impl World {
         acceleration: DVec3,
         wall: u32,
     ) -> Option<f64> {
-        if let Some(shape) = &self.walls[wall as usize].shape {
+        if let Some(shape) = &self.boundary.walls[wall as usize].shape {
             return self.surface_contact(anchor, radius, acceleration, shape);
         }
         let (distance, rate) =
             self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         let approach = Approach {
             distance,
             rate,
@@ -85,7 +85,7 @@ impl World {
     /// energy.
     #[inline]
     pub fn is_level(&self, wall: u32) -> bool {
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         self.gravity != DVec3::ZERO
             && !wall.motion.is_moving()
             && wall.shape.is_none()
@@ -95,7 +95,7 @@ impl World {
     /// Unit normal of a wall towards a particle in contact.
     #[inline]
     pub fn wall_normal(&self, wall: u32, position: DVec3) -> DVec3 {
-        let wall = &self.walls[wall as usize];
+        let wall = &self.boundary.walls[wall as usize];
         match &wall.shape {
             Some(shape) => shape.surface().normal(position),
             None => wall.normal,

@@ -29,7 +29,7 @@ pub(crate) mod particles {
     /// From this number on, the calendar with cells prefetches the data of coming events, which no
     /// longer fit in the second-level cache (throughput.md).
     pub(crate) const PREFETCH_CALENDAR: usize = 10_000;
-    /// The same for the lists of [`crate::search::nearby`].
+    /// The same for the lists of [`crate::search::lists`].
     pub(crate) const PREFETCH_LISTS: usize = 15_000;
     /// The same for windows.
     pub(crate) const PREFETCH_WINDOWS: usize = 20_000;

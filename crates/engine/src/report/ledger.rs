@@ -72,7 +72,7 @@ impl Term {
             Self::DriveWork => !system.drives.is_empty(),
             Self::ShearWork => system.domain.shear.is_some(),
             Self::Rest => system.contacts.rest_speed > 0.0,
-            // No system says whether a run is changed on its way: `Present::with_terms` does.
+            // No system says whether a run is changed on its way: `SceneFeatures::with_terms` does.
             Self::Change => false,
         }
     }

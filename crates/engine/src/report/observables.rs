@@ -52,13 +52,13 @@ pub struct Observable {
     /// How its value follows from a sample.
     pub quantity: Quantity,
     /// Whether a scene with these features has it.
-    pub exists: fn(&Present) -> bool,
+    pub exists: fn(&SceneFeatures) -> bool,
 }
 
 /// The features of a scene that decide which observables exist.
 #[expect(clippy::struct_excessive_bools, reason = "each feature is present or absent")]
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Present {
+pub struct SceneFeatures {
     /// There are springs.
     pub springs: bool,
     /// There is a volume: no axis is open.
@@ -81,7 +81,7 @@ pub struct Present {
     pub columns: Vec<Column>,
 }
 
-impl Present {
+impl SceneFeatures {
     /// The features of a system. Springs are not part of a [`System`].
     pub fn of(system: &System) -> Self {
         let axes = &system.domain.boundary[..system.dimension.count()];
@@ -177,7 +177,7 @@ pub(crate) const fn row(
     name: &'static str,
     unit: &'static str,
     quantity: Quantity,
-    exists: fn(&Present) -> bool,
+    exists: fn(&SceneFeatures) -> bool,
 ) -> Observable {
     Observable { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit), quantity, exists }
 }
@@ -186,12 +186,12 @@ fn stress(sample: &Sample) -> StressTensor {
     sample.stress.unwrap_or(StressTensor { kinetic: [f64::NAN; 9], collisional: [f64::NAN; 9] })
 }
 
-fn always(_: &Present) -> bool {
+fn always(_: &SceneFeatures) -> bool {
     true
 }
 
 /// All observables of a scene with these features, in the order of output files.
-pub fn observables(present: &Present) -> Vec<Observable> {
+pub fn observables(present: &SceneFeatures) -> Vec<Observable> {
     let terms = Term::ALL
         .into_iter()
         .filter(|&term| present.terms[term as usize])

@@ -28,13 +28,14 @@ pub(crate) fn predict_pair<F: Features>(
     earliest: &mut Earliest<SearchEvent>,
 ) {
     let carrier = |k: u32| {
-        let motion = world.carrier(k).map_or(WallMotion::Fixed, |wall| world.walls[wall as usize].motion);
+        let motion =
+            world.carrier(k).map_or(WallMotion::Fixed, |wall| world.boundary.walls[wall as usize].motion);
         (world.acceleration(k), motion.max_acceleration(), motion.period())
     };
     let ((a, of_a, period_a), (b, of_b, period_b)) = (carrier(i), carrier(j));
     let distance = |ticks: i64| {
         let ((ra, va), (rb, vb)) = (world.flight::<F>(i, ticks), world.flight::<F>(j, ticks));
-        let (r, v) = (world.periodicity.image(rb - ra, shift), vb - va);
+        let (r, v) = (world.boundary.periodicity.image(rb - ra, shift), vb - va);
         let length = r.length();
         ((r.length_squared() - sigma * sigma) / (length + sigma), r.dot(v) / length)
     };
@@ -43,7 +44,7 @@ pub(crate) fn predict_pair<F: Features>(
     let jump = |ticks: i64| {
         let of = |k: u32| {
             world.carrier(k).map_or(f64::INFINITY, |wall| {
-                world.walls[wall as usize].motion.time_to_jump((&world.clock, ticks))
+                world.boundary.walls[wall as usize].motion.time_to_jump((&world.clock, ticks))
             })
         };
         of(i).min(of(j))
@@ -66,7 +67,7 @@ pub(crate) fn predict_wall<F: Features>(
     if world.are_perpendicular(carrier, wall) {
         return false;
     }
-    let (carrying, plane) = (&world.walls[carrier as usize], &world.walls[wall as usize]);
+    let (carrying, plane) = (&world.boundary.walls[carrier as usize], &world.boundary.walls[wall as usize]);
     let cosine = carrying.normal.dot(plane.normal);
     let radius = world.class(i).radius;
     let distance = |ticks: i64| {
@@ -155,7 +156,7 @@ pub(crate) fn next_crossing<F: Features, S: Search>(
     wall: u32,
     within: f64,
 ) -> Option<Crossing> {
-    let plane = &world.walls[wall as usize];
+    let plane = &world.boundary.walls[wall as usize];
     let (along, bound) = (world.acceleration(i), plane.normal * plane.motion.max_acceleration());
     // In this time the bound moves the particle by no more than rounding.
     let strongest = plane.motion.max_acceleration();

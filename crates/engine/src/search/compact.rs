@@ -3,7 +3,7 @@ Compact particles: the data of a particle that the filters of windows and lists 
 
 Positions are integer coordinates. The period of the positions is 2^32 coordinates, so that the difference of
 two coordinates modulo 2^32 is the difference to the nearest image. Displacements within a span of time (a
-window, or a span of [`crate::search::nearby`]) are in single precision. The filters widen contact distances
+window, or a span of [`crate::search::lists`]) are in single precision. The filters widen contact distances
 by a margin that covers these roundings; pairs that pass are predicted from their anchors in double precision.
 */
 

@@ -5,7 +5,7 @@
 
 use super::{
     case::{Case, Reason},
-    nearby, windows,
+    lists, windows,
 };
 use crate::{model::NeighborChoice, state::world::World};
 
@@ -14,7 +14,7 @@ use crate::{model::NeighborChoice, state::world::World};
 pub(crate) enum Search {
     AllPairs,
     Cells,
-    /// Those of [`nearby`].
+    /// Those of [`lists`].
     Lists,
     Windows,
 }
@@ -49,7 +49,7 @@ impl Search {
     pub fn can_run(self, case: &Case) -> Result<(), Reason> {
         match self {
             Self::AllPairs | Self::Cells => Ok(()),
-            Self::Lists => nearby::can_run(case),
+            Self::Lists => lists::can_run(case),
             Self::Windows => windows::can_run(case),
         }
     }
@@ -61,7 +61,7 @@ impl Search {
     pub fn can_share(self, world: &World) -> Result<(), &'static str> {
         match self {
             Self::AllPairs | Self::Cells => Err("this search takes events one after the other"),
-            Self::Lists => nearby::can_share(world),
+            Self::Lists => lists::can_share(world),
             Self::Windows => windows::can_share(world),
         }
     }

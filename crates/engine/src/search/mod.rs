@@ -3,7 +3,7 @@ The searches for the next event, and the loop that takes events from them.
 
 *What is here.* [`event_loop`] is the loop, the same for all searches; a search implements its `Scheduler`.
 [`calendar_scheduler`] runs everything, with the cells or all pairs of `haff_neighbors`; [`windows`] and
-[`nearby`] (lists) are faster and support less. [`blocks`] shares steps of windows and lists among
+[`lists`] (lists) are faster and support less. [`blocks`] shares steps of windows and lists among
 threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
 [`predict`] and [`batch`] are the predictions of pairs, [`queue`] keeps one entry for each particle,
 [`summary`] describes a state to a search.
@@ -26,8 +26,8 @@ pub(crate) mod compact;
 pub(crate) mod earliest;
 pub(crate) mod entry;
 pub(crate) mod event_loop;
+pub(crate) mod lists;
 pub(crate) mod matrix;
-pub(crate) mod nearby;
 pub(crate) mod planes;
 pub(crate) mod predict;
 pub(crate) mod queue;

@@ -16,13 +16,13 @@ const SLACK: f64 = 1e-9;
 /// The walls of a system as planes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {
-    planes: Vec<Plane>,
+    planes: Vec<FilteredPlane>,
     /// Distances up to this are treated as contacts [length].
     slack: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Plane {
+struct FilteredPlane {
     normal: DVec3,
     /// Distance of the plane from the origin along the normal, at the reference time and at the most
     /// [length].
@@ -37,9 +37,9 @@ struct Plane {
 
 impl Planes {
     pub fn new(world: &World) -> Self {
-        let planes = world.walls.iter().map(|wall| {
+        let planes = world.boundary.walls.iter().map(|wall| {
             let (speed, amplitude) = wall.motion.bound(wall.normal);
-            Plane {
+            FilteredPlane {
                 normal: wall.normal,
                 offset: wall.point.dot(wall.normal) + amplitude,
                 reference_time: wall.motion.reference_time(),
@@ -48,10 +48,11 @@ impl Planes {
             }
         });
         let extent = world
+            .boundary
             .walls
             .iter()
             .map(|wall| wall.point.length())
-            .fold(world.periodicity.size.length(), f64::max);
+            .fold(world.boundary.periodicity.size.length(), f64::max);
         Self { planes: planes.collect(), slack: SLACK * extent }
     }
 

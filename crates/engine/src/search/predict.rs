@@ -233,7 +233,7 @@ fn relative_flight<F: Features>(
         rb = haff_mechanics::free_flight(b.position, b.velocity, acceleration, dt_b);
         va = haff_mechanics::free_flight_velocity(a.velocity, a.acceleration, dt_a);
         vb = haff_mechanics::free_flight_velocity(b.velocity, acceleration, dt_b);
-        if world.carries {
+        if world.boundary.carries {
             let carrier = world.carrier(j);
             if carrier != a.carrier {
                 *predictions += 1;
@@ -249,7 +249,7 @@ fn relative_flight<F: Features>(
         if acceleration != a.acceleration {
             // Under gravity no boundary slides.
             let (r, v, relative_acceleration) =
-                (world.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
+                (world.boundary.periodicity.image(rb - ra, shift), vb - va, acceleration - a.acceleration);
             *predictions += 1;
             let from = a.time.max(b.time);
             if is_out_of_reach(
@@ -291,7 +291,7 @@ pub(crate) fn predict_nearest<F: Features>(
     earliest: &mut Earliest<SearchEvent>,
 ) {
     let [a, b] = [i, j].map(|k| world.flight::<F>(k, world.now).0);
-    let shift = [0, 1, 2].map(|axis| -world.periodicity.turns((b - a)[axis], axis) as i32);
+    let shift = [0, 1, 2].map(|axis| -world.boundary.periodicity.turns((b - a)[axis], axis) as i32);
     let owner = Owner::of::<F>(world, i);
     let Some(pair) = relative_flight::<F>(world, &owner, j, shift, predictions, earliest) else { return };
     *predictions += 1;
@@ -459,7 +459,7 @@ pub(crate) fn predict_walls<F: Features>(
         {
             continue;
         }
-        if asleep && !world.walls[usize::from(wall)].motion.is_moving() {
+        if asleep && !world.boundary.walls[usize::from(wall)].motion.is_moving() {
             continue;
         }
         let wall = u32::from(wall);

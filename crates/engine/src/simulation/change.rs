@@ -163,13 +163,13 @@ impl Simulation {
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
         world.clock = old.clock.restarted(old.now, exponent);
         world.set_scale(extent, 0.0);
-        world.longest_flight = old.longest_flight;
+        world.resolution.longest_flight = old.resolution.longest_flight;
         for (new, &i) in survivors.iter().enumerate() {
             // The anchor is set anew: an own event, so that random numbers are not repeated.
             world.particles[new].count = old.particles[i as usize].count.wrapping_add(1);
         }
         self.check_places(&system, &world)?;
-        if let (Some(times), Some(others)) = (&mut world.contact_times, &old.contact_times) {
+        if let (Some(times), Some(others)) = (&mut world.laws.contact_times, &old.laws.contact_times) {
             times.take_over(others, survivors, (&old.clock, old.now), (&world.clock, world.now));
         }
 
@@ -189,8 +189,8 @@ impl Simulation {
         }
         let flights = flights::take(&mut state);
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));
-        let sums = state.world.wall_sums.take();
-        world.wall_sums = sums.map(|sums| Box::new(sums.without_support(&state.world, time)));
+        let sums = state.world.boundary.wall_sums.take();
+        world.boundary.wall_sums = sums.map(|sums| Box::new(sums.without_support(&state.world, time)));
         let mut impulse = state.world.force.impulse;
         for (sum, total) in impulse.iter_mut().zip(&state.world.force.total) {
             sum.add(total.value() * (time - state.world.force.until));
@@ -406,7 +406,7 @@ fn nearest_wall(system: &System, world: &World, i: u32) -> String {
     let gap = |wall: usize| {
         world.wall_approach(wall as u32, world.class(i).radius, position, velocity, world.now).0
     };
-    let nearest = (0..world.walls.len()).min_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+    let nearest = (0..world.boundary.walls.len()).min_by(|&a, &b| gap(a).total_cmp(&gap(b)));
     nearest.map_or_else(String::new, |wall| format!("wall \"{}\"", system.walls[wall].name))
 }
 

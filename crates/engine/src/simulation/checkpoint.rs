@@ -40,7 +40,7 @@ struct Digits {
 
 impl Digits {
     fn of(world: &World) -> Self {
-        Self { base: world.walls.len() as u64 + 1 }
+        Self { base: world.boundary.walls.len() as u64 + 1 }
     }
 
     /// Whether three digits do not fit below the flags. The code of each particle is then a separate scalar.
@@ -78,8 +78,8 @@ impl Simulation {
         scalars.real("clock.earliest", world.clock.earliest);
         scalars.put("clock.now", world.now as u64);
         scalars.real("clock.time", self.time());
-        scalars.real("clock.extent", world.extent);
-        scalars.real("clock.fastest", world.fastest);
+        scalars.real("clock.extent", world.resolution.extent);
+        scalars.real("clock.fastest", world.resolution.fastest);
         for (name, sum) in accumulators.clone().sums_mut() {
             scalars.exact_sum(name, sum);
         }
@@ -97,7 +97,7 @@ impl Simulation {
         scalars.real("initial_kinetic", accumulators.initial_energy[0]);
         scalars.real("initial_potential", accumulators.initial_energy[1]);
         scalars.real("max_overlap", accumulators.max_overlap);
-        scalars.real("longest_flight", world.longest_flight);
+        scalars.real("longest_flight", world.resolution.longest_flight);
         let counters = accumulators.counters;
         for (name, count) in [
             ("collisions", counters.collisions),
@@ -145,7 +145,7 @@ impl Simulation {
                 put_vector(&mut scalars, &name(part), vector);
             }
         }
-        if world.thresholds.is_some() {
+        if world.laws.thresholds.is_some() {
             scalars.put("wakes", counters.wakes);
             scalars.put("settling.next", settling.next as u64);
             scalars.put("settling.events", settling.events);
@@ -232,12 +232,13 @@ impl Simulation {
             let (asleep, recently_hit) = (code & ASLEEP != 0, code & RECENTLY_HIT != 0);
             let walls = wide.unwrap_or(u64::from(code & !(ASLEEP | RECENTLY_HIT)));
             let Some(support) = digits.decode(walls) else {
-                let (most, name) = (world.walls.len(), if wide.is_some() { "support" } else { "resting" });
+                let (most, name) =
+                    (world.boundary.walls.len(), if wide.is_some() { "support" } else { "resting" });
                 return Err(EngineError::Checkpoint(format!(
                     "{name}[{i}] = {walls} must be up to three numbers of the scene's {most} walls"
                 )));
             };
-            if asleep && world.thresholds.is_some() {
+            if asleep && world.laws.thresholds.is_some() {
                 world.restore_asleep(i as u32, true);
             }
             world.particles[i].set_recently_hit(recently_hit);
@@ -265,7 +266,7 @@ impl Simulation {
         }
         accumulators.initial_energy = [scalars.real("initial_kinetic"), scalars.real("initial_potential")];
         accumulators.max_overlap = scalars.real("max_overlap");
-        world.longest_flight = scalars.real("longest_flight");
+        world.resolution.longest_flight = scalars.real("longest_flight");
         let counters = &mut accumulators.counters;
         counters.collisions = scalars.take("collisions");
         counters.fixed_collisions = scalars.take("fixed_collisions");
@@ -276,7 +277,7 @@ impl Simulation {
         counters.transfers = scalars.take("transfers");
         counters.epochs = epochs;
         let mut settling = SettlingState::default();
-        if world.thresholds.is_some() {
+        if world.laws.thresholds.is_some() {
             accumulators.counters.wakes = scalars.take("wakes");
             settling.next = scalars.take("settling.next") as i64;
             settling.events = scalars.take("settling.events");
@@ -350,10 +351,10 @@ impl Simulation {
         let mut measurements = measurements(&system, &state);
         let mut words = Words::new(&checkpoint.measured);
         let now = state.world.now;
-        if let Some(times) = &mut state.world.contact_times {
+        if let Some(times) = &mut state.world.laws.contact_times {
             times.load(&mut words, now)?;
         }
-        if let Some(sums) = &mut state.world.wall_sums {
+        if let Some(sums) = &mut state.world.boundary.wall_sums {
             sums.load(&mut words, time)?;
         }
         for measurement in &mut measurements {

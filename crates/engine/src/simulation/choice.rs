@@ -31,12 +31,12 @@ use crate::{
         calendar_scheduler::CalendarScheduler,
         case::Case,
         event_loop::Engine,
+        lists::{self, ListSearch, ListedEvent},
         matrix::Search,
-        nearby::{self, ListedEvent, Nearby},
         summary::{LocalDensity, SystemSummary},
         windows::{self, Windows},
     },
-    state::world::{World, can_carry},
+    state::{surroundings::can_carry, world::World},
 };
 
 /// A scheduler is replaced only when the density is beyond the limit by this factor: frequent changes back
@@ -72,7 +72,7 @@ pub(crate) struct Choice {
     /// Total number of collisions after which the choice is made again.
     pub review: u64,
     /// Number of further entries after which the choice is made again.
-    pub patience: u64,
+    pub entries_left: u64,
 }
 
 impl Choice {
@@ -96,7 +96,7 @@ impl Choice {
             search: None,
             density,
             review: 0,
-            patience: 0,
+            entries_left: 0,
         };
         let case = Case { system, summary: &summary, density: &density, world };
         match Search::of(options.neighbors, &case) {
@@ -161,7 +161,7 @@ impl Choice {
     /// Sets when the choice is made again, if `collisions` have happened so far.
     pub fn after(&mut self, collisions: u64) {
         let interval = REVIEW + REVIEW_PER_PARTICLE * self.summary.count as u64;
-        (self.review, self.patience) = (collisions + interval, ENTRIES * interval);
+        (self.review, self.entries_left) = (collisions + interval, ENTRIES * interval);
     }
 
     /// The best search for a state: lists for dense states, windows for other states that they can run, cells
@@ -176,7 +176,7 @@ impl Choice {
         }
         let windows =
             Search::Windows.can_run(case).is_ok() && windows::is_profitable(system, &self.summary, density);
-        let lists = nearby::is_profitable(case);
+        let lists = lists::is_profitable(case);
         let mixed = self.summary.least != self.summary.largest;
         let limits = match (windows, mixed) {
             (true, _) if self.summary.largest > WIDE * self.summary.least => lists_above::WINDOWS_WIDE,
@@ -291,7 +291,7 @@ impl Choice {
         }
     }
 
-    /// The engine of [`crate::search::nearby`], if it is chosen and can run the system at the present
+    /// The engine of [`crate::search::lists`], if it is chosen and can run the system at the present
     /// density.
     fn compile_for_lists<F: Features, E: ListedEvent + 'static>(
         &self,
@@ -300,7 +300,7 @@ impl Choice {
         if self.search != Some(Search::Lists) {
             return None;
         }
-        let engine = Nearby::<F, E>::new(self.kernel, system, &self.summary, &self.density, self.blocks);
+        let engine = ListSearch::<F, E>::new(self.kernel, system, &self.summary, &self.density, self.blocks);
         Some(Box::new(engine.ok()?))
     }
 

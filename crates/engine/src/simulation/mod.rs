@@ -18,6 +18,7 @@ pub(crate) mod checkpoint;
 pub(crate) mod choice;
 pub(crate) mod clustering;
 pub(crate) mod initial;
+mod present;
 pub(crate) mod run;
 pub(crate) mod searches;
 pub(crate) mod valid;

@@ -151,7 +151,7 @@ pub(crate) fn support(
     recently_hit: bool,
 ) -> Result<(), EngineError> {
     let refuse = |what: &str| Err(EngineError::Checkpoint(format!("resting[{i}] = {code}: {what}")));
-    if (asleep || recently_hit) && world.thresholds.is_none() {
+    if (asleep || recently_hit) && world.laws.thresholds.is_none() {
         return refuse("the scene has no contact.rest_speed, so no grain can be asleep");
     }
     let body = world.body(i);
@@ -162,9 +162,9 @@ pub(crate) fn support(
     if walls.is_empty() {
         return Ok(());
     }
-    let moves = |wall: &u16| world.walls[usize::from(*wall)].motion.is_moving();
-    if world.carries
-        && world.thresholds.is_none()
+    let moves = |wall: &u16| world.boundary.walls[usize::from(*wall)].motion.is_moving();
+    if world.boundary.carries
+        && world.laws.thresholds.is_none()
         && !asleep
         && let Some(carrier) = world.carrier(i)
         && walls[1..].iter().all(|wall| !moves(wall) && world.are_perpendicular(carrier, u32::from(*wall)))
@@ -293,12 +293,12 @@ fn total(name: &str, sum: &Sum) -> Result<(), EngineError> {
 
 /// Checks the state as a whole, after its parts: present positions, overlaps and the energy balance.
 pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), EngineError> {
-    at_least_zero("longest_flight", state.world.longest_flight)?;
-    at_least_zero("clock.extent", state.world.extent)?;
-    at_least_zero("clock.fastest", state.world.fastest)?;
+    at_least_zero("longest_flight", state.world.resolution.longest_flight)?;
+    at_least_zero("clock.extent", state.world.resolution.extent)?;
+    at_least_zero("clock.fastest", state.world.resolution.fastest)?;
     let State { world, accumulators, settling, .. } = state;
     let now = world.now;
-    if world.thresholds.is_some() {
+    if world.laws.thresholds.is_some() {
         let next = settling.next;
         require(next >= now, || format!("settling.next = {next} must not be before now, {now} ticks"))?;
         let since = settling.counted_since;
@@ -312,9 +312,10 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     let stall = &state.stall;
     require(stall.since <= now, || format!("stall.since = {} must be at most {now} ticks", stall.since))?;
     count("stall.events", stall.events)?;
-    for (what, members, count) in
-        [("particle", &stall.particles, world.particles.len()), ("wall", &stall.walls, world.walls.len())]
-    {
+    for (what, members, count) in [
+        ("particle", &stall.particles, world.particles.len()),
+        ("wall", &stall.walls, world.boundary.walls.len()),
+    ] {
         require(members.last().is_none_or(|&last| (last as usize) < count), || {
             format!("stall.{what}.{} is unknown: the scene has {count}", members.last().unwrap_or(&0))
         })?;
@@ -341,7 +342,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("clock.exponent = {found}: the tick is far too coarse, {suitable} would suit these speeds")
     })?;
 
-    let walls = world.walls.iter().map(|wall| {
+    let walls = world.boundary.walls.iter().map(|wall| {
         (wall.point + wall.motion.displacement(wall.normal, Instant::at(time))).abs().max_element()
     });
     let farthest = walls.fold(farthest.max(extent), f64::max);

@@ -48,7 +48,7 @@ impl SettlingState {
     /// collide without end.
     #[inline]
     pub fn count_contact(&mut self, world: &World, time: i64) -> bool {
-        let Some(thresholds) = &world.thresholds else { return false };
+        let Some(thresholds) = &world.laws.thresholds else { return false };
         self.recent_contacts += 1;
         if (time.saturating_sub(self.counted_since)) as f64 * world.clock.tick
             > thresholds.period * JAM_DURATION

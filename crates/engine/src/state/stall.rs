@@ -117,10 +117,10 @@ impl Stall {
             events: self.events,
             span: (time - self.since).max(0) as f64 * world.clock.tick,
             particles: self.particles.iter().copied().collect(),
-            walls: walls.iter().map(|&wall| world.walls[wall as usize].name.clone()).collect(),
+            walls: walls.iter().map(|&wall| world.boundary.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position, time).0.to_array(),
             contact_duration: 0.0,
-            rest_speed: if world.thresholds.is_none() { suitable_rest_speed(world) } else { 0.0 },
+            rest_speed: if world.laws.thresholds.is_none() { suitable_rest_speed(world) } else { 0.0 },
         }
     }
 }

@@ -18,10 +18,12 @@ const MAX_UNBALANCED: f64 = 1e-3;
 pub(crate) fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item = u32>) -> Vec<DVec3> {
     let (position, _) = world.state(i, world.now);
     let mut normals: Vec<DVec3> = near
-        .map(|j| -world.periodicity.nearest(world.state(j, world.now).0 - position).normalize_or_zero())
+        .map(|j| {
+            -world.boundary.periodicity.nearest(world.state(j, world.now).0 - position).normalize_or_zero()
+        })
         .collect();
     let radius = world.body(i).radius;
-    for (wall, plane) in world.walls.iter().enumerate() {
+    for (wall, plane) in world.boundary.walls.iter().enumerate() {
         if !plane.motion.is_moving()
             && world.wall_approach(wall as u32, radius, position, DVec3::ZERO, world.now).0 <= gap
         {
@@ -76,7 +78,7 @@ pub(crate) fn find_contacts(
                     if indices == [u32::MAX; 2] {
                         continue;
                     }
-                    let r = world.periodicity.nearest(wrapped_position(world, j) - position);
+                    let r = world.boundary.periodicity.nearest(wrapped_position(world, j) - position);
                     if r.length_squared() <= reach * reach {
                         for (index, partner) in indices.into_iter().zip([j, i]) {
                             if index != u32::MAX {

@@ -299,8 +299,8 @@ pub(crate) fn visit_pairs_across_sheared_faces(
     reach: f64,
     mut visit: impl FnMut(u32, u32),
 ) {
-    let height = world.periodicity.size[shear.gradient];
-    let length = world.periodicity.size[shear.flow];
+    let height = world.boundary.periodicity.size[shear.gradient];
+    let length = world.boundary.periodicity.size[shear.flow];
     let offset = world.displacement(world.now).offset;
     // Coordinates along the flow: of particles at the upper face, and of images of those at the lower one.
     let (mut upper, mut lower) = (Vec::new(), Vec::new());

@@ -96,7 +96,7 @@ struct OverlapSearch<'a> {
 
 impl<'a> OverlapSearch<'a> {
     fn new(world: &'a World) -> Self {
-        let Periodicity { size, is_periodic, .. } = world.periodicity;
+        let Periodicity { size, is_periodic, .. } = world.boundary.periodicity;
         let edges = [0, 1, 2].map(|k| if is_periodic[k] { size[k] as f32 } else { f32::INFINITY });
         let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
         Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, found: Found::NONE }
@@ -146,11 +146,11 @@ impl<'a> OverlapSearch<'a> {
     /// Tests a particle against all walls.
     fn test_walls(&mut self, i: u32) {
         let (position, radius) = (wrapped_position(self.world, i), self.world.class(i).radius);
-        for wall in 0..self.world.walls.len() as u32 {
+        for wall in 0..self.world.boundary.walls.len() as u32 {
             let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
                 let overlap = Overlap { depth: -gap / radius, pair: Some((i, None)) };
-                let point = self.world.walls[wall as usize].point.abs().max_element();
+                let point = self.world.boundary.walls[wall as usize].point.abs().max_element();
                 self.found.add(overlap, radius, self.reach(i).max(point));
             }
         }
@@ -160,7 +160,7 @@ impl<'a> OverlapSearch<'a> {
     /// coordinates at its own last event and now, the length of its flight since then, and the extent of the
     /// system, which bounds earlier flights and the displacement in a tick.
     fn reach(&self, i: u32) -> f64 {
-        let World { now, extent, .. } = *self.world;
+        let (now, extent) = (self.world.now, self.world.resolution.extent);
         let coordinates = self.world.coordinates(i).max(self.world.state(i, now).0.abs());
         coordinates.max_element().max(self.world.flight_length(i, now)) + extent
     }
@@ -189,10 +189,10 @@ pub(crate) fn deepest(world: &World, geometry: &Geometry) -> Found {
 fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found {
     let count = world.particles.len();
     let mut found = Found::NONE;
-    if !world.walls.is_empty() {
+    if !world.boundary.walls.is_empty() {
         found = search_blocks(world, count, |search, i| search.test_walls(i as u32));
     }
-    if let Some(shear) = &world.shear {
+    if let Some(shear) = &world.boundary.shear {
         found = found.or(across_sheared_faces(world, shear, geometry.reach));
     }
     for slab in 0..slabs.len() {
@@ -288,13 +288,14 @@ mod tests {
             let (class, position) = (world.class(i), wrapped_position(world, i));
             for j in i + 1..count {
                 let other = world.class(j);
-                let distance = world.periodicity.nearest(wrapped_position(world, j) - position).length();
+                let distance =
+                    world.boundary.periodicity.nearest(wrapped_position(world, j) - position).length();
                 let depth = 1.0 - distance / (class.radius + other.radius);
                 if class.mass.is_finite() || other.mass.is_finite() {
                     deepest = deepest.or(Overlap { depth, pair: Some((i, Some(j))) });
                 }
             }
-            for wall in &world.walls {
+            for wall in &world.boundary.walls {
                 let depth = 1.0 - (position - wall.point).dot(wall.normal) / class.radius;
                 if class.mass.is_finite() {
                     deepest = deepest.or(Overlap { depth, pair: Some((i, None)) });

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Checkpoint, Column, Correlation, Correlations, EventColumn, EventKind, EventRecord, Frame,
-    Grid, GridAxis, Ledger, Measure, Present, ProfileRow, Sample, StressTensor, Term,
+    Grid, GridAxis, Ledger, Measure, ProfileRow, Sample, SceneFeatures, StressTensor, Term,
 };
 use haff_record::Header;
 
@@ -72,14 +72,14 @@ pub fn header(particles: usize) -> Header {
         observables: true,
         events: EventColumn::ALL.to_vec(),
         compressed: true,
-        present: Present {
+        present: SceneFeatures {
             springs: false,
             volume: false,
             angular_momentum: false,
             shear: false,
             // The names in the order of the alphabet are in another one.
             columns: vec![Column::vector("swirl", "1/time", 2), Column::number("flux", "1")],
-            ..Present::all()
+            ..SceneFeatures::all()
         },
         measure: Measure {
             profiles: vec![

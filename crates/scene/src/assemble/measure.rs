@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use haff_engine::{
-    Boundary, Correlations, Grid, GridAxis, Measure, NamedProbe, Present, System, observables,
+    Boundary, Correlations, Grid, GridAxis, Measure, NamedProbe, SceneFeatures, System, observables,
 };
 
 use super::Assembler;
@@ -185,8 +185,9 @@ impl Assembler<'_> {
     /// The probes of plug-ins.
     fn probes(&mut self, configs: Vec<ProbeConfig>) -> Vec<Arc<NamedProbe>> {
         let mut columns: Vec<String> = ["step", "time"].map(str::to_owned).into();
-        columns
-            .extend(observables(&Present::all()).into_iter().map(|observable| observable.name.into_owned()));
+        columns.extend(
+            observables(&SceneFeatures::all()).into_iter().map(|observable| observable.name.into_owned()),
+        );
         let mut probes = Vec::with_capacity(configs.len());
         for (k, config) in configs.into_iter().enumerate() {
             let path = |key: &str| {

@@ -4,13 +4,14 @@
 //! The time taken is linear in the length of the text and in the number of errors. Only the first errors are
 //! kept.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
 use crate::config::joints::{PendulumConfig, RodConfig, SpringConfig};
 use crate::config::misplaced::meant;
+use crate::config::names::NamedElements;
 use crate::config::{DriveConfig, PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
 use crate::source::error::{Code, Place, SceneError, SceneErrors, Why};
 use crate::source::read::{Reading, Unknown, read};
@@ -384,7 +385,7 @@ impl Document {
     }
 
     fn apply_all(&mut self, memory: u64) {
-        let mut names = Names::default();
+        let mut names = NamedElements::default();
         for k in 0..self.overrides.len() {
             if let Err(message) = self.apply(k, memory, &mut names) {
                 self.garble(Rank::Override(k as u32), message);
@@ -392,7 +393,7 @@ impl Document {
         }
     }
 
-    fn apply(&mut self, k: usize, memory: u64, names: &mut Names) -> Result<(), String> {
+    fn apply(&mut self, k: usize, memory: u64, names: &mut NamedElements) -> Result<(), String> {
         let text = &self.overrides[k];
         let (key, value_text) =
             text.split_once('=').ok_or("must read KEY=VALUE, for example contact.restitution=0.8")?;
@@ -448,67 +449,6 @@ impl Lines {
         let column = text.get(self.0[line - 1]..start).map_or(0, |before| before.chars().count()) + 1;
         Place::File { line, column, span }
     }
-}
-
-/// Elements of arrays by their names, looked up once for all overrides.
-#[derive(Default)]
-struct Names(HashMap<Path, HashMap<String, Vec<usize>>>);
-
-impl Names {
-    /// Removes entries that an override of `path` may change.
-    fn forget(&mut self, path: &[String]) {
-        // A key of an element other than its name changes no name; everything else may.
-        let deep = self.0.keys().all(|list| path.len() > list.len() + 1);
-        if !deep || path.last().is_some_and(|last| last == "name") {
-            self.0.clear();
-        }
-    }
-
-    /// Turns names of array elements into indices; a name that several particles share refers to all of
-    /// them.
-    fn expand(&mut self, root: &Node, path: &[String]) -> Result<Vec<Path>, String> {
-        let mut targets: Vec<Path> = vec![Vec::new()];
-        for segment in path {
-            let mut next = Vec::with_capacity(targets.len());
-            for mut target in targets {
-                let Some(Node { value: Value::Array(array), .. }) = root.get(&target) else {
-                    target.push(segment.clone());
-                    next.push(target);
-                    continue;
-                };
-                if let Ok(index) = segment.parse::<usize>() {
-                    if index >= array.len() {
-                        let (list, len) = (target.join("."), array.len());
-                        return Err(format!("`{list}` has {len} elements, counted from 0"));
-                    }
-                    target.push(index.to_string());
-                    next.push(target);
-                    continue;
-                }
-                let names = self.0.entry(target.clone()).or_insert_with(|| by_name(array));
-                let Some(named) = names.get(segment) else {
-                    let list = target.join(".");
-                    let known = crate::source::text::some_of(array.iter().filter_map(Node::name));
-                    return Err(format!(
-                        "nothing in `{list}` is named `{segment}`; take a name ({known}) or an index"
-                    ));
-                };
-                next.extend(named.iter().map(|k| [target.as_slice(), &[k.to_string()]].concat()));
-            }
-            targets = next;
-        }
-        Ok(targets)
-    }
-}
-
-fn by_name(array: &[Node]) -> HashMap<String, Vec<usize>> {
-    let mut names: HashMap<String, Vec<usize>> = HashMap::new();
-    for (k, node) in array.iter().enumerate() {
-        if let Some(name) = node.name() {
-            names.entry(name.to_owned()).or_default().push(k);
-        }
-    }
-    names
 }
 
 fn one_line(text: &str) -> String {

@@ -18,6 +18,8 @@ pub(crate) mod document;
 pub mod joints;
 pub(crate) mod keys;
 pub(crate) mod misplaced;
+pub(crate) mod named;
+pub(crate) mod names;
 pub(crate) mod schema;
 pub(crate) mod shapes;
 pub(crate) mod templates;

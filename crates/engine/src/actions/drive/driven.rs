@@ -57,7 +57,7 @@ pub(super) fn kick(
     state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
     state.accumulators.add_impulse(change * mass);
     state.accumulators.center.change(change * mass, time);
-    if let Some(shear) = &state.world.shear {
+    if let Some(shear) = &state.world.boundary.shear {
         state.world.force.change(shear.force(change * mass), time);
     }
     if observer.wants_events() {

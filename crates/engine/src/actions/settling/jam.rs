@@ -92,7 +92,7 @@ fn jam_contacts(world: &World, geometry: &Geometry, narrow: &Thresholds, recent:
             if other.is_some_and(|other| other < grain) {
                 continue;
             }
-            let r = world.periodicity.nearest(position - world.state(j, world.now).0);
+            let r = world.boundary.periodicity.nearest(position - world.state(j, world.now).0);
             let mass = 1.0 / (inverse + world.class(j).inverse_mass);
             jam.push(Contact { grain, other, normal: r.normalize_or_zero(), mass, impulse: 0.0 });
         }

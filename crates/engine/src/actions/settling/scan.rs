@@ -40,7 +40,7 @@ pub(crate) fn scan(
     is_jammed: bool,
     observer: &mut dyn Observer,
 ) -> Vec<u32> {
-    let Some(thresholds) = state.world.thresholds else { return Vec::new() };
+    let Some(thresholds) = state.world.laws.thresholds else { return Vec::new() };
     let period = (thresholds.period * state.world.clock.per_time).clamp(1.0, crate::numerics::clock::HORIZON);
     state.settling.next = state.world.now + whole(period);
     let awake = state.world.movable - state.world.asleep;
@@ -87,7 +87,7 @@ pub(crate) fn scan(
 
 /// The contacts of all asleep particles, the same that settling scans have found.
 pub(crate) fn contacts_of_asleep(world: &World, geometry: &Geometry) -> Vec<Vec<u32>> {
-    let Some(thresholds) = world.thresholds.filter(|_| world.asleep > 0) else { return Vec::new() };
+    let Some(thresholds) = world.laws.thresholds.filter(|_| world.asleep > 0) else { return Vec::new() };
     let asleep: Vec<u32> = (0..world.particles.len() as u32).filter(|&i| world.is_asleep(i)).collect();
     let mut contacts_of_all = vec![Vec::new(); world.particles.len()];
     for (&i, contacts) in asleep.iter().zip(find_contacts(world, geometry, &thresholds, &asleep)) {

@@ -52,7 +52,7 @@ pub(crate) fn record_loss(
     if observer.wants_events() {
         let (position, _) = world.state(i, world.now);
         let body = world.body(i);
-        let wall = world.walls.iter().enumerate().position(|(wall, plane)| {
+        let wall = world.boundary.walls.iter().enumerate().position(|(wall, plane)| {
             !plane.motion.is_moving()
                 && world.wall_approach(wall as u32, body.radius, position, DVec3::ZERO, world.now).0
                     <= thresholds.gap
@@ -68,7 +68,7 @@ pub(crate) fn record_loss(
             energy_loss: energy,
             carnot_energy,
             normal: down,
-            position: world.periodicity.wrap(position + down * body.radius).0,
+            position: world.boundary.periodicity.wrap(position + down * body.radius).0,
             impulse_vector: momentum,
             tangential_loss: 0.0,
         });

@@ -5,7 +5,7 @@ In a step, each block takes the events that nothing unknown can have changed ([`
 in the order of time, and leaves the others over. In a second round, blocks that reach from the middle of one
 to the middle of the next do the same with these, and so on ([`cut`]); in the last round, a single block takes
 the rest. A block changes only particles that are inside of it, and reads only what no other block changes:
-[`crate::search::windows`] and [`crate::search::nearby`] say why for their data.
+[`crate::search::windows`] and [`crate::search::lists`] say why for their data.
 
 A prediction depends only on the anchors of two particles, and an impact only on those of its partners.
 Therefore every order of events that respects causes gives the same bits. If an event of a later round is
@@ -21,7 +21,7 @@ and lists take events on several threads (`search/blocks/`, docs/parallel.md): t
 a front that moves with the largest speed (`search/blocks/front.rs`), and leaves the others to blocks that
 reach across its faces, then to a single one. What a search adds is a `Block` and its steps:
 `search/windows/blocks.rs` (steps of a window; particles registered in none but a block's cells),
-`search/nearby/steps.rs` (a calendar for each block; updates of lists are left over like events). A
+`search/lists/steps.rs` (a calendar for each block; updates of lists are left over like events). A
 prediction depends on two anchors and an impact on those of its partners (`resolve::collide`), and sums over
 events are exact (`ExactSums`), so that every order of events that respects causes has the same bits. Rows of
 events are put in order at the end of a step (`search/blocks/rows.rs`). If an event of a later round is where
@@ -44,7 +44,7 @@ pub(crate) use cut::{Round, cut, divide};
 pub(crate) use driver::{NextStep, Stepping, part_before, take_steps};
 pub(crate) use front::{Bounds, Dilations, Metric};
 pub(crate) use ownership::Ownership;
-pub(crate) use part::{Part, Place, Present, wrap_place};
+pub(crate) use part::{Part, Place, RoundView, wrap_place};
 
 #[cfg(test)]
 pub(crate) mod tests;

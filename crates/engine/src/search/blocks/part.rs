@@ -70,12 +70,12 @@ pub(crate) struct Place {
 }
 
 /// What a block uses in a round besides its own data.
-pub(crate) struct Present<'a> {
+pub(crate) struct RoundView<'a> {
     pub step: &'a Step,
     pub earlier: &'a [Round],
 }
 
-impl Present<'_> {
+impl RoundView<'_> {
     /// Whether the fronts of all earlier rounds expect an event at these places.
     ///
     /// If its particles have had no event in the step, each round has left their events over, and so marked a
@@ -159,8 +159,8 @@ impl<E> Part<E> {
     pub fn clear(&mut self) {
         self.state.accumulators = Accumulators::default();
         self.state.pending.clear();
-        self.state.world.resting = 0;
-        self.state.world.longest_flight = 0.0;
+        self.state.world.supported.resting = 0;
+        self.state.world.resolution.longest_flight = 0.0;
         self.left.clear();
         self.saved.indices.clear();
         self.saved.particles.clear();
@@ -181,7 +181,7 @@ impl<E> Part<E> {
                 spins.angular_velocity[i as usize] = spin;
             }
         }
-        if let Some(times) = &mut state.world.contact_times {
+        if let Some(times) = &mut state.world.laws.contact_times {
             for (&i, contact) in self.saved.indices.iter().zip(self.saved.contacts.drain(..)).rev() {
                 times.set(i, contact);
             }
@@ -230,7 +230,7 @@ impl<E> Part<E> {
             if let Some(spins) = &self.state.world.spin {
                 self.saved.spins.push(spins.angular_velocity[i as usize]);
             }
-            if let Some(times) = &self.state.world.contact_times {
+            if let Some(times) = &self.state.world.laws.contact_times {
                 self.saved.contacts.push(times.get(i));
             }
         }

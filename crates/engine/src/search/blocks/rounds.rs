@@ -7,7 +7,7 @@ use crate::{
     report::{BlockCounts, Observer},
     search::{
         batch::Kernel,
-        blocks::{cut::Round, front::Dilations, part::Present, rows, step::Step},
+        blocks::{cut::Round, front::Dilations, part::RoundView, rows, step::Step},
         sharing,
     },
     state::{State, world::World},
@@ -84,11 +84,11 @@ impl Settings {
 /// # Errors
 /// Why one thread takes all events.
 pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
-    if world.wall_sums.is_some() {
+    if world.boundary.wall_sums.is_some() {
         Err("forces on walls are measured")
-    } else if world.shear.is_some() {
+    } else if world.boundary.shear.is_some() {
         Err("the box is sheared")
-    } else if world.resting != 0 || world.carries {
+    } else if world.supported.resting != 0 || world.boundary.carries {
         Err("grains rest on walls, or walls carry them")
     } else {
         Ok(())
@@ -105,7 +105,7 @@ pub(crate) trait Block: Send {
     fn begin_round(&mut self, _: Bounds) {}
     /// Takes the events of a round, or leaves them over. `EVENTS`: rows of events are recorded. `VECTORS`:
     /// the caller is compiled for AVX2 and FMA, and the processor supports them.
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &Present);
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &RoundView);
     /// Whether some memory of the block has been too small, so that the step must be undone.
     fn is_full(&self) -> bool {
         false
@@ -113,7 +113,7 @@ pub(crate) trait Block: Send {
 }
 
 /// Takes the events of a round.
-pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, present: &Present) {
+pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, present: &RoundView) {
     match (kernel, events) {
         (Kernel::Portable, false) => block.take::<false, false>(present),
         (Kernel::Portable, true) => block.take::<true, false>(present),
@@ -128,7 +128,7 @@ pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, presen
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn take_avx2<B: Block, const EVENTS: bool>(block: &mut B, present: &Present) {
+pub(super) fn take_avx2<B: Block, const EVENTS: bool>(block: &mut B, present: &RoundView) {
     block.take::<EVENTS, true>(present);
 }
 
@@ -209,7 +209,7 @@ pub(crate) fn run_rounds<B: Block>(
             part.known.clear();
             let own = known.iter().zip(targets).filter(|&(_, &target)| target == k as u32);
             part.known.extend(own.map(|(event, _)| *event));
-            take(block, kernel, events, &Present { step, earlier });
+            take(block, kernel, events, &RoundView { step, earlier });
         };
         let items = sharing::least_items();
         blocks.par_iter_mut().enumerate().with_min_len(items).with_max_len(items).for_each(run);
@@ -264,7 +264,8 @@ pub(crate) fn end_step<B: Block>(
     for block in &mut *blocks {
         let part = block.part();
         state.accumulators.merge(&mut part.state.accumulators);
-        state.world.longest_flight = state.world.longest_flight.max(part.state.world.longest_flight);
+        state.world.resolution.longest_flight =
+            state.world.resolution.longest_flight.max(part.state.world.resolution.longest_flight);
         times.append(&mut part.times);
     }
     #[allow(

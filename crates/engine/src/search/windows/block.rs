@@ -6,7 +6,7 @@ use crate::{
     laws::{resolve, wall_impact},
     model::features::Features,
     search::{
-        blocks::{Block, Bounds, Ownership, Part, Place, Present, Step, wrap_place},
+        blocks::{Block, Bounds, Ownership, Part, Place, RoundView, Step, wrap_place},
         compact::CompactParticle,
     },
     state::world::World,
@@ -70,7 +70,7 @@ impl<F: Features> Block for WindowBlock<F> {
     }
 
     #[inline(always)]
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &Present) {
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &RoundView) {
         let (from, to) = (present.step.from, present.step.to);
         self.worker.horizon = to;
         self.worker.queue.open(from, to, &self.part.known);
@@ -92,7 +92,7 @@ impl<F: Features> WindowBlock<F> {
     #[inline(always)]
     fn take_event<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         event: WindowEvent,
     ) -> bool {
         match event.0.target.kind() {
@@ -104,7 +104,7 @@ impl<F: Features> WindowBlock<F> {
     #[inline(always)]
     fn take_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         event: WindowEvent,
         j: u32,
     ) -> bool {
@@ -164,7 +164,7 @@ impl<F: Features> WindowBlock<F> {
     #[inline(never)]
     fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         event: WindowEvent,
         wall: u32,
     ) -> bool {
@@ -212,7 +212,7 @@ impl<F: Features> WindowBlock<F> {
     /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
     /// those of this block.
     #[inline(always)]
-    fn is_known<const K: usize>(&self, present: &Present, places: &[Place; K], time: f32) -> bool {
+    fn is_known<const K: usize>(&self, present: &RoundView, places: &[Place; K], time: f32) -> bool {
         if self.part.front.bounds.is_whole {
             return true;
         }
@@ -229,7 +229,7 @@ impl<F: Features> WindowBlock<F> {
 
     /// Whether a particle is registered in cells of this block only.
     #[inline(always)]
-    fn is_registered_inside(&self, present: &Present, place: &Place) -> bool {
+    fn is_registered_inside(&self, present: &RoundView, place: &Place) -> bool {
         let (space, step) = (&self.worker.space, present.step);
         let compact = &space.particles[place.slot];
         let extent = space.extent(compact.radius);
@@ -264,7 +264,7 @@ impl<F: Features> WindowBlock<F> {
     #[inline(always)]
     fn stays(
         &self,
-        present: &Present,
+        present: &RoundView,
         place: &Place,
         (mut position, mut velocity): (DVec3, DVec3),
         ticks: i64,
@@ -306,7 +306,7 @@ impl<F: Features> WindowBlock<F> {
     /// Whether a wall supports a particle: windows do not support this.
     #[inline(always)]
     fn has_resting(&self) -> bool {
-        F::GRAVITY && (self.part.state.world.resting != 0 || !self.part.state.pending.is_empty())
+        F::GRAVITY && (self.part.state.world.supported.resting != 0 || !self.part.state.pending.is_empty())
     }
 }
 

@@ -168,7 +168,7 @@ impl<F: Features> Stepping for Windows<F> {
         // A part of a step is short, but after events that are taken one after the other, blocks leave more
         // over.
         let suits = contacts.len() >= self.steps.settings.min_events / 8 * self.steps.rounds[0].fronts.len()
-            && state.world.resting == 0
+            && state.world.supported.resting == 0
             && contacts.iter().all(|entry| entry.0.time > from);
         self.steps.known = contacts;
         self.steps.known_of = step;

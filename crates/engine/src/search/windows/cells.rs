@@ -10,16 +10,22 @@ Cells are computed in single precision. A particle on a face can be assigned to 
 searches have a slightly longer range ([`SLACK`](super::axes::SLACK)) than contacts.
 */
 
+mod chunks;
+mod path;
+
 use std::{ops::Range, sync::Arc};
 
 use haff_neighbors::{Array, Elements, Geometry, prefetch_at, with_huge_pages};
 
-use crate::search::{blocks::Bounds, compact::LANES};
+use crate::search::blocks::Bounds;
 
 use super::axes::Axes;
 
-/// Entries of a block. Together with its link they fill half a cache line.
-const ENTRIES: usize = 7;
+pub(super) use chunks::{Candidates, Chunk};
+use chunks::{EMPTY, ENTRIES};
+pub(super) use path::path_span;
+use path::{PathBox, count, for_each_cell, trace};
+
 /// Boxes of cells with up to this many cells along each axis have a table of their cells.
 const TABLE_SIZE: usize = 4;
 /// Smallest number of cells in a part of the grid; parts are filled in parallel. Paths that leave their part
@@ -31,23 +37,6 @@ const MAX_PARTS: usize = 20;
 /// Where slots are registered one by one, the cell of the slot that comes this many later is prefetched.
 const CELLS_AHEAD: usize = 16;
 
-/// Up to seven entries, and a link: its lowest three bits are the number of entries, the others are the index
-/// of the next block, or 0.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(32))]
-pub(super) struct Block {
-    entries: [u32; ENTRIES],
-    link: u32,
-}
-
-impl Block {
-    /// The first two entries. In an empty block they are 0 or slots from an earlier window.
-    #[inline(always)]
-    pub fn first_entries(&self) -> [u32; 2] {
-        [self.entries[0], self.entries[1]]
-    }
-}
-
 /// The eight cells nearest to a position: along each axis the cell of the position, and the nearer of its two
 /// neighbors.
 #[derive(Debug, Clone, Copy, Default)]
@@ -58,76 +47,6 @@ impl NearestCells {
     #[inline(always)]
     pub fn are_within(&self, contains: impl Fn(usize, i32) -> bool) -> bool {
         self.0.iter().all(|cell| (0..3).all(|axis| contains(axis, cell[axis])))
-    }
-}
-
-const EMPTY: Block = Block { entries: [0; ENTRIES], link: 0 };
-
-/// Slots gathered from cells for several searches, padded to whole vectors for each search.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Candidates {
-    /// Slots; only the first `len` are valid.
-    pub slots: Vec<u32>,
-    /// Index of the search to which each vector of [`LANES`] slots belongs.
-    pub owner: Vec<u32>,
-    /// Number of slots, a multiple of [`LANES`] between searches.
-    pub len: usize,
-    /// Number of blocks gathered.
-    pub blocks: u64,
-}
-
-impl Candidates {
-    pub fn new() -> Self {
-        Self { slots: vec![0; 1024], owner: vec![0; 1024 / LANES + LANES], ..Self::default() }
-    }
-
-    /// Reserves space for this many blocks and a last vector.
-    #[inline(always)]
-    fn reserve(&mut self, blocks: usize) {
-        if self.len + (blocks + 2) * LANES > self.slots.len() {
-            self.grow(blocks);
-        }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn grow(&mut self, blocks: usize) {
-        let len = 2 * (self.len + (blocks + 2) * LANES).next_multiple_of(LANES);
-        self.slots.resize(len, 0);
-        self.owner.resize(len / LANES + LANES, 0);
-    }
-
-    /// Adds the entries of a block if they are `wanted`; returns its link.
-    ///
-    /// # Safety
-    ///
-    /// Space for the block must be [reserved](Self::reserve).
-    #[inline(always)]
-    unsafe fn push(&mut self, block: &Block, wanted: bool) -> u32 {
-        debug_assert!(self.len + LANES <= self.slots.len());
-        // The whole block is copied at once; what follows its entries is overwritten by the next block.
-        // SAFETY: a block has the size of `LANES` slots, and the caller has reserved space for it.
-        unsafe {
-            let to = self.slots.as_mut_ptr().add(self.len).cast::<[u32; LANES]>();
-            to.write(std::ptr::from_ref(block).cast::<[u32; LANES]>().read());
-        }
-        // A mask instead of a branch, which would be mispredicted.
-        self.len += (block.link & (7 * u32::from(wanted))) as usize;
-        block.link
-    }
-
-    /// Ends the search whose slots begin at `from`: the last vector is padded with `own`.
-    #[inline(always)]
-    fn end(&mut self, from: usize, search: u32, own: u32) {
-        self.slots[self.len..self.len + LANES].fill(own);
-        self.len = self.len.next_multiple_of(LANES);
-        // Eight elements are written at once; those beyond the last vector are overwritten by the next
-        // search.
-        let (first, last) = (from / LANES, self.len / LANES);
-        self.owner[first..first + LANES].fill(search);
-        if last > first + LANES {
-            self.owner[first + LANES..last].fill(search);
-        }
     }
 }
 
@@ -146,7 +65,7 @@ struct Offset {
 pub(super) struct Cells {
     pub axes: Axes,
     /// The first block of every cell, followed by the further blocks of cells with more than one.
-    blocks: Array<Block>,
+    blocks: Array<Chunk>,
     /// Number of cells.
     count: usize,
     /// Index of the next further block, and of the first one that must not be used.
@@ -182,7 +101,7 @@ impl Cells {
             tables.push(table.into_boxed_slice());
         }
         // With space for further blocks of full cells.
-        let mut blocks: Vec<Block> = with_huge_pages(cells + cells / 8);
+        let mut blocks: Vec<Chunk> = with_huge_pages(cells + cells / 8);
         blocks.resize(cells, EMPTY);
         Self {
             axes,
@@ -308,7 +227,7 @@ impl Cells {
         self.next += 1;
         let mut entries = [0; ENTRIES];
         entries[0] = slot;
-        self.blocks[cell] = Block { entries, link: (next as u32) << 3 | 1 };
+        self.blocks[cell] = Chunk { entries, link: (next as u32) << 3 | 1 };
     }
 
     /// Splits the grid into parts that can be [filled](Part::fill) in parallel; [`Self::complete`] must
@@ -483,7 +402,7 @@ impl Cells {
 
     /// Visits the first blocks of these cells.
     #[inline(always)]
-    pub fn visit(&self, cells: &NearestCells, mut visit: impl FnMut(&Block)) {
+    pub fn visit(&self, cells: &NearestCells, mut visit: impl FnMut(&Chunk)) {
         for [_, _, z, _] in cells.0 {
             for [_, y, _, _] in cells.0 {
                 let row = (z * self.axes.n[1] + y) * self.axes.n[0];
@@ -517,7 +436,7 @@ impl Cells {
 pub(super) struct Part<'a> {
     /// The first cell of the part.
     first: usize,
-    blocks: &'a mut [Block],
+    blocks: &'a mut [Chunk],
     slots: Range<u32>,
     lowest: &'a mut [u32],
 }
@@ -551,161 +470,6 @@ impl Part<'_> {
             });
             *lowest = first_cell as u32;
         }
-    }
-}
-
-/// The bounding box of a path [cells].
-#[derive(Debug, Clone, Copy)]
-struct PathBox {
-    low: [f32; 4],
-    high: [f32; 4],
-}
-
-impl PathBox {
-    /// The bounding box of the path that leads from `x` by the `fraction` of the displacement `v` [length].
-    #[inline(always)]
-    fn new(axes: &Axes, x: [i32; 3], v: [f32; 3], fraction: f32) -> Self {
-        let v = [v[0], v[1], v[2], 0.0];
-        let start = axes.grid_coordinates(x);
-        let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
-        for k in 0..4 {
-            let displacement = v[k] * fraction * axes.cells[k];
-            low[k] = start[k] + if displacement < 0.0 { displacement } else { 0.0 };
-            high[k] = start[k] + if displacement > 0.0 { displacement } else { 0.0 };
-        }
-        Self { low, high }
-    }
-
-    /// First and last cell along each axis of this box, extended by `reach` [length] to all sides. Their
-    /// numbers continue beyond the edges.
-    #[inline(always)]
-    fn bounds(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 4]) {
-        let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
-        for k in 0..4 {
-            let reach = reach * axes.reach[k] + axes.slack[k];
-            low[k] = self.low[k] - reach;
-            high[k] = self.high[k] + reach;
-        }
-        (axes.cells(low), axes.cells(high))
-    }
-
-    /// First cell and number of cells per axis of this box, extended by `reach` [length] to all sides.
-    #[inline(always)]
-    fn span(&self, axes: &Axes, reach: f32) -> ([i32; 4], [i32; 3]) {
-        let (low, high) = self.bounds(axes, reach);
-        (low, [count(axes, low, high, 0), count(axes, low, high, 1), count(axes, low, high, 2)])
-    }
-}
-
-/// Number of cells from the first to the last one along an axis, each counted once.
-#[inline(always)]
-fn count(axes: &Axes, low: [i32; 4], high: [i32; 4], axis: usize) -> i32 {
-    (high[axis] - low[axis] + 1).min(axes.n[axis])
-}
-
-/// First cell and number of cells per axis of the bounding box of a path, extended by `reach` [length].
-#[inline(always)]
-pub(super) fn path_span(
-    axes: &Axes,
-    x: [i32; 3],
-    v: [f32; 3],
-    fraction: f32,
-    reach: f32,
-) -> ([i32; 4], [i32; 3]) {
-    PathBox::new(axes, x, v, fraction).span(axes, reach)
-}
-
-/// Visits all cells of a box of cells, which can extend beyond the edges of the grid.
-#[inline(always)]
-fn for_each_cell(axes: &Axes, low: [i32; 4], count: [i32; 3], mut visit: impl FnMut(usize)) {
-    let n = axes.n;
-    let start = axes.fold(low);
-    let wrapped = |c: i32, axis: usize| if c >= n[axis] { c - n[axis] } else { c };
-    for z in 0..count[2] {
-        let plane = wrapped(start[2] + z, 2) * n[1];
-        for y in 0..count[1] {
-            let row = (plane + wrapped(start[1] + y, 1)) * n[0];
-            for x in 0..count[0] {
-                visit((row + wrapped(start[0] + x, 0)) as usize);
-            }
-        }
-    }
-}
-
-/// Visits the cells of the path that leads from `x` by the `fraction` of the displacement `v` [length].
-///
-/// With an `extent` [length] greater than 0, these are all cells within this distance of its bounding box.
-/// Otherwise the cell of `x` is visited only with `FIRST`.
-#[inline(always)]
-fn trace<const FIRST: bool>(
-    axes: &Axes,
-    x: [i32; 3],
-    v: [f32; 3],
-    fraction: f32,
-    extent: f32,
-    mut visit: impl FnMut(usize),
-) {
-    if extent > 0.0 {
-        let (low, count) = PathBox::new(axes, x, v, fraction).span(axes, extent);
-        return for_each_cell(axes, low, count, visit);
-    }
-    let v = [v[0], v[1], v[2], 0.0];
-    let from = axes.grid_coordinates(x);
-    let (mut displacement, mut to) = ([0.0; 4], [0.0; 4]);
-    for k in 0..4 {
-        displacement[k] = v[k] * fraction * axes.cells[k];
-        to[k] = from[k] + displacement[k];
-    }
-    let (first, last) = (axes.cells(from), axes.cells(to));
-    if FIRST {
-        visit(axes.index(axes.fold(first)));
-    }
-    if last != first {
-        // In most cases a single face is crossed.
-        let faces = |k: usize| last[k].abs_diff(first[k]);
-        if faces(0) + faces(1) + faces(2) == 1 {
-            visit(axes.index(axes.fold(last)));
-        } else {
-            trace_rest(axes, from, displacement, first, last, visit);
-        }
-    }
-}
-
-/// Visits the cells of a path after its first cell.
-#[inline(never)]
-fn trace_rest(
-    axes: &Axes,
-    from: [f32; 4],
-    displacement: [f32; 4],
-    first: [i32; 4],
-    last: [i32; 4],
-    mut visit: impl FnMut(usize),
-) {
-    // For each axis: the fraction of the path up to the next face, and between two faces.
-    let (mut next, mut interval) = ([f32::INFINITY; 3], [0.0; 3]);
-    let mut remaining = [0; 3];
-    for axis in 0..3 {
-        if last[axis] != first[axis] {
-            remaining[axis] = last[axis].abs_diff(first[axis]);
-            let within = from[axis] - first[axis] as f32;
-            let gap = if displacement[axis] > 0.0 { 1.0 - within } else { within };
-            interval[axis] = 1.0 / displacement[axis].abs();
-            next[axis] = gap * interval[axis];
-        }
-    }
-    let mut cell = first;
-    for _ in 0..remaining[0] + remaining[1] + remaining[2] {
-        let axis = if next[0] <= next[1] && next[0] <= next[2] {
-            0
-        } else if next[1] <= next[2] {
-            1
-        } else {
-            2
-        };
-        cell[axis] += if displacement[axis] > 0.0 { 1 } else { -1 };
-        remaining[axis] -= 1;
-        next[axis] = if remaining[axis] > 0 { next[axis] + interval[axis] } else { f32::INFINITY };
-        visit(axes.index(axes.fold(cell)));
     }
 }
 

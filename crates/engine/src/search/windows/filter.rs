@@ -52,7 +52,7 @@ pub(super) fn margin(displacement: f64, rounding: f64) -> f32 {
 
 /// A particle whose partners are searched for.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Query {
+pub(super) struct WindowQuery {
     pub slot: u32,
     pub compact: CompactParticle,
     /// Position at the start of the search [coordinates].
@@ -117,13 +117,13 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     cells: &Cells,
     lowest: &[u32],
     common_radius: f32,
-    queries: &[Query],
+    queries: &[WindowQuery],
     scratch: &mut Scratch,
 ) {
     scratch.pairs.clear();
     scratch.candidates.len = 0;
     for (search, query) in queries.iter().enumerate() {
-        let Query { slot, start, from, compact: CompactParticle { v, radius, .. } } = *query;
+        let WindowQuery { slot, start, from, compact: CompactParticle { v, radius, .. } } = *query;
         let v = if F::SHEAR { cells.axes.tilt.chord(v, from) } else { v };
         let extent = if F::UNIFORM { 0.0 } else { radius - common_radius };
         let reach = [radius + common_radius, extent];
@@ -171,7 +171,7 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
 /// The filter for one candidate: the scalar reference of the vector filter.
 #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN passes")]
 #[inline(always)]
-fn passes<F: Features>(other: &CompactParticle, axes: &Axes, query: &Query) -> bool {
+fn passes<F: Features>(other: &CompactParticle, axes: &Axes, query: &WindowQuery) -> bool {
     let own = &query.compact;
     let sigma = own.radius + if F::UNIFORM { own.radius } else { other.radius };
     let (mut r, mut v) = ([0.0; 3], [0.0; 3]);
@@ -212,7 +212,7 @@ mod avx2 {
 
     use haff_neighbors::{Array, Elements};
 
-    use super::{Axes, Features, LANES, Query, Scratch};
+    use super::{Axes, Features, LANES, Scratch, WindowQuery};
     use crate::search::compact::{
         CompactParticle,
         avx2::{Eight, load_whole},
@@ -226,7 +226,7 @@ mod avx2 {
     pub(super) fn filter<F: Features>(
         particles: &Array<CompactParticle>,
         axes: &Axes,
-        queries: &[Query],
+        queries: &[WindowQuery],
         scratch: &mut Scratch,
     ) {
         let candidates = &scratch.candidates;
@@ -259,7 +259,7 @@ mod avx2 {
         others: &Eight,
         unit: [__m256; 3],
         tilt: [__m256; 2],
-        query: &Query,
+        query: &WindowQuery,
         slots: &[u32],
     ) -> u8 {
         let own = &query.compact;

@@ -17,7 +17,7 @@ edge: differences wrap to the nearest image. The filter rejects in single precis
 time, pairs that cannot touch within the window; contact distances are widened by a margin for rounding,
 which grows with the square of the longest displacement. Pairs that pass are predicted exactly, from anchors
 (`search/windows/narrow_phase.rs`). Walls are predicted exactly only for particles whose distance bound
-reaches them (`search/planes.rs`). What filters read of a particle, here and in `nearby`, is a
+reaches them (`search/planes.rs`). What filters read of a particle, here and in `lists`, is a
 `CompactParticle` (`compact`): 32-bit coordinates and a displacement in single precision. All contacts of the
 window go into the `WindowQueue`: those known at its start sorted by counting, later ones in lists. An
 event's particles are registered along their new paths and searched up to the window's end, so an invalidated
@@ -27,7 +27,7 @@ that gets too fast for the window ends it early, and so do very many searches. U
 positions are relative to a frame that has been falling since the window began, so paths are straight. A
 particle that comes to rest on a wall no longer falls: the scheduler then pauses as `Pause::Unsupported`, and
 cells go on. There are never many more cells than particles: where a box is mostly empty, the grid is folded
-onto itself (`Axes::fold`), and the filter rejects what is far away. The bins of `nearby` are folded in the
+onto itself (`Axes::fold`), and the filter rejects what is far away. The bins of `lists` are folded in the
 same way.
 */
 

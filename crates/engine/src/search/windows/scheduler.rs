@@ -119,7 +119,7 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
             )));
         }
     }
-    if world.resting != 0 {
+    if world.supported.resting != 0 {
         return Err(Reason::of_state("grains rest on walls"));
     }
     Ok(())
@@ -188,7 +188,7 @@ impl<F: Features> Windows<F> {
         blocks: Option<u16>,
     ) -> Self {
         let count = summary.count;
-        let shear = shear::Frame::of(system);
+        let shear = shear::ShearedFrame::of(system);
         let mut worker = Worker::new(system.domain.gravity, count);
         worker.shear = shear;
         Self {
@@ -322,7 +322,7 @@ impl<F: Features> Scheduler for Windows<F> {
             }
             Impact::Wall { i, .. } => {
                 state.world.wrap_anchor(i);
-                if F::GRAVITY && state.world.resting != 0 {
+                if F::GRAVITY && state.world.supported.resting != 0 {
                     return Some(Pause::Unsupported);
                 }
                 i

@@ -35,7 +35,7 @@ pub(super) const LARGEST_RATIO: f64 = 4.0;
 
 /// The frame of the windows of a sheared box.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Frame {
+pub(super) struct ShearedFrame {
     /// The axes of the flow, of the gradient, and the third one: the axes of the grid in this order.
     order: [usize; 3],
     /// γ̇ [1/time].
@@ -57,7 +57,7 @@ pub(super) struct GridFlight {
     pub displacement: [f64; 3],
 }
 
-impl Frame {
+impl ShearedFrame {
     pub fn of(system: &System) -> Option<Self> {
         let Shear { flow, gradient, rate, .. } = system.domain.shear?;
         let size = system.domain.size;

@@ -16,7 +16,7 @@ use crate::{
 use super::{
     axes::Axes,
     cells::{Cells, Part},
-    filter::{self, Query, Scratch},
+    filter::{self, Scratch, WindowQuery},
     narrow_phase,
     window_event::{Contact, Entry, WindowEvent},
 };
@@ -230,7 +230,7 @@ impl<F: Features> Space<F> {
             queries.clear();
             for slot in from..(from + BLOCK).min(slots.end) {
                 let compact = self.particles[slot];
-                queries.push(Query { slot: slot as u32, compact, start: compact.x, from: 0.0 });
+                queries.push(WindowQuery { slot: slot as u32, compact, start: compact.x, from: 0.0 });
             }
             self.predict::<true, VECTORS>(world, &queries, scratch, |entry| found.push(entry));
         }
@@ -241,7 +241,7 @@ impl<F: Features> Space<F> {
     pub fn predict<const HALF: bool, const VECTORS: bool>(
         &self,
         world: &World,
-        queries: &[Query],
+        queries: &[WindowQuery],
         scratch: &mut Scratch,
         mut emit: impl FnMut(WindowEvent),
     ) {
@@ -267,7 +267,7 @@ impl<F: Features> Space<F> {
                 emit(WindowEvent(entry));
             }
         }
-        if !world.walls.is_empty() {
+        if !world.boundary.walls.is_empty() {
             for query in queries {
                 self.predict_walls(world, query, &mut emit);
             }
@@ -275,7 +275,7 @@ impl<F: Features> Space<F> {
     }
 
     /// Emits the contacts of a query with walls up to the end of the window.
-    fn predict_walls(&self, world: &World, query: &Query, mut emit: impl FnMut(WindowEvent)) {
+    fn predict_walls(&self, world: &World, query: &WindowQuery, mut emit: impl FnMut(WindowEvent)) {
         let anchor = &self.anchors[query.slot as usize];
         let class = &world.classes[anchor.class()];
         if class.inverse_mass == 0.0 {

@@ -15,8 +15,8 @@ use crate::{
 
 use super::{
     cells::{Cells, NearestCells},
-    filter::{Query, Scratch},
-    shear::Frame,
+    filter::{Scratch, WindowQuery},
+    shear::ShearedFrame,
     space::Space,
     window_event::WindowEvent,
 };
@@ -35,7 +35,7 @@ pub(super) struct Worker<F> {
     /// Acceleration of all particles [length/time²].
     pub gravity: DVec3,
     /// The frame of a sheared box.
-    pub shear: Option<Frame>,
+    pub shear: Option<ShearedFrame>,
     pub space: Space<F>,
     /// Slot of each particle.
     pub slot_of: Array<u32>,
@@ -129,7 +129,7 @@ impl<F: Features> Worker<F> {
         world: &World,
         bodies: [u32; K],
     ) -> bool {
-        let mut queries = [Query::default(); K];
+        let mut queries = [WindowQuery::default(); K];
         let mut is_too_fast = false;
         for (query, body) in queries.iter_mut().zip(bodies) {
             let is_slow;
@@ -173,7 +173,7 @@ impl<F: Features> Worker<F> {
 
     /// Registers a particle along its new path.
     #[inline(always)]
-    fn register(&mut self, query: &Query) {
+    fn register(&mut self, query: &WindowQuery) {
         let CompactParticle { radius, v, .. } = query.compact;
         let v = if F::SHEAR { self.space.cells.axes.tilt.chord(v, query.from) } else { v };
         let extent = self.space.extent(radius);
@@ -183,7 +183,7 @@ impl<F: Features> Worker<F> {
     /// Copies the new flight of particle i to its slot. Returns the query for its partners from now on, and
     /// whether the particle is slow enough for the window.
     #[inline(always)]
-    fn update(&mut self, world: &World, i: u32) -> (Query, bool) {
+    fn update(&mut self, world: &World, i: u32) -> (WindowQuery, bool) {
         let particle = &world.particles[i as usize];
         let slot = self.slot_of[i as usize];
         let from = ((particle.time - self.begin) as f64 * (world.clock.tick / self.step)) as f32;
@@ -223,7 +223,7 @@ impl<F: Features> Worker<F> {
         // Tested here, where the components are in registers: a load stalls on store forwarding if it covers
         // parts of two stores that have just been made.
         let is_slow = compact.is_within(self.max_displacement * self.max_displacement);
-        (Query { slot, compact, start, from }, is_slow)
+        (WindowQuery { slot, compact, start, from }, is_slow)
     }
 
     /// The particles of the collision that is `ahead` events from now in the queue, and its time [ticks].

@@ -189,8 +189,8 @@ pub(super) fn wrapped(world: &World, position: DVec3, image: [i32; 3]) -> Result
             ["x", "y", "z"][axis]
         ))
     };
-    if let Some(shear) = &world.shear {
-        let up = world.periodicity.wrap(position).1[shear.gradient];
+    if let Some(shear) = &world.boundary.shear {
+        let up = world.boundary.periodicity.wrap(position).1[shear.gradient];
         if (f64::from(up) * world.displacement(world.now).turns as f64).abs() > MOST_IMAGES {
             return far(shear.gradient);
         }

@@ -7,9 +7,10 @@ use haff_neighbors::{
 };
 use haff_testing::Random;
 
-use crate::search::windows::cells::{Candidates, Cells};
-
-use super::*;
+use crate::search::{
+    compact::LANES,
+    windows::cells::{Candidates, Cells},
+};
 
 fn geometry(size: DVec3, axes: [Axis; 3]) -> Geometry {
     Geometry {

@@ -99,7 +99,7 @@ impl Pair {
         cells: &Cells,
         share: f64,
         margin: f32,
-    ) -> (Query, CompactParticle) {
+    ) -> (WindowQuery, CompactParticle) {
         let position = DVec3::from_array([0; 3].map(|_| random.uniform(0.3, 0.7) * EDGE));
         let v = direction(random) * (random.uniform(0.0, 1.0) * self.v.length());
         let compact = |x: DVec3, v: DVec3, radius: f64| CompactParticle {
@@ -114,13 +114,18 @@ impl Pair {
         let own = compact(tilted(position), tilted(v), share * self.sigma);
         let relative_to_flow = v + self.v - DVec3::X * (g * self.r.y);
         let other = compact(tilted(position + self.r), tilted(relative_to_flow), (1.0 - share) * self.sigma);
-        (Query { slot: 0, compact: own, start: own.x, from: self.from as f32 }, other)
+        (WindowQuery { slot: 0, compact: own, start: own.x, from: self.from as f32 }, other)
     }
 }
 
 /// Whether the pair passes the vector filter, for one vector and for two; `lane` selects the lane that tests
 /// it. Empty if the processor has no vectors.
-fn pass_vectors<F: Features>(other: &CompactParticle, axes: &Axes, query: &Query, lane: usize) -> Vec<bool> {
+fn pass_vectors<F: Features>(
+    other: &CompactParticle,
+    axes: &Axes,
+    query: &WindowQuery,
+    lane: usize,
+) -> Vec<bool> {
     let mut found = Vec::new();
     #[cfg(target_arch = "x86_64")]
     {
@@ -139,7 +144,7 @@ fn pass_vectors<F: Features>(other: &CompactParticle, axes: &Axes, query: &Query
             scratch
         };
         // The other query is that of another particle, for which all slots are candidates.
-        let queries = [*query, Query { slot: 2, ..*query }];
+        let queries = [*query, WindowQuery { slot: 2, ..*query }];
         if kernel != Some(Kernel::Portable) {
             for groups in [1, 2] {
                 let mut scratch = scratch(groups);
@@ -220,7 +225,7 @@ fn no_contact_is_rejected() {
 fn a_particle_does_not_find_itself() {
     let cells = cells();
     let compact = CompactParticle { x: [1, 2, 3], radius: 0.5, v: [1.0, 0.0, 0.0], count: 0 };
-    let query = Query { slot: 1, compact, start: compact.x, from: 0.0 };
+    let query = WindowQuery { slot: 1, compact, start: compact.x, from: 0.0 };
     for lane in 0..2 * LANES {
         // Lane `lane` holds slot 1, the slot of the query.
         let found = pass_vectors::<With<false, true>>(&compact, &cells.axes, &query, lane);

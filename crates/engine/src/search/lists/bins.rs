@@ -29,12 +29,12 @@ const MAX_PER_AXIS: f64 = 65_536.0;
 /// Eight slots of a bin.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-struct Block {
+struct Slots {
     x: [[i32; LANES]; 3],
     id: [u32; LANES],
 }
 
-const EMPTY: Block = Block { x: [[0; LANES]; 3], id: [NONE; LANES] };
+const EMPTY: Slots = Slots { x: [[0; LANES]; 3], id: [NONE; LANES] };
 
 /// Largest number of bins that a search reads, and length of the working space that holds the particles found
 /// in their first blocks.
@@ -53,7 +53,7 @@ pub(super) struct Bins {
     /// Largest contact distances per coordinate.
     unit: [f32; 3],
     /// The first block of every bin in the order of the bins, then the continuations of full blocks.
-    blocks: Array<Block>,
+    blocks: Array<Slots>,
     /// For each block the next one of its chain, or [`NONE`].
     next: Array<u32>,
     /// Blocks that no chain uses.
@@ -300,7 +300,7 @@ struct Range {
 impl Range {
     /// Copies the ids of a block that are within range to `target`, and returns their number.
     #[inline(always)]
-    fn select<const VECTORS: bool>(&self, block: &Block, target: &mut [u32; LANES]) -> usize {
+    fn select<const VECTORS: bool>(&self, block: &Slots, target: &mut [u32; LANES]) -> usize {
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
             // SAFETY: with `VECTORS` set the caller guarantees AVX2 and FMA.
@@ -338,7 +338,7 @@ mod avx2 {
         _mm256_sub_epi32,
     };
 
-    use super::{Block, LANES, Range};
+    use super::{LANES, Range, Slots};
 
     /// For every mask of eight lanes the indices of the lanes that are set, then zeros.
     static SET_LANES: [[u8; LANES]; 256] = {
@@ -362,7 +362,7 @@ mod avx2 {
     /// branches.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    pub(super) fn select(block: &Block, range: &Range, target: &mut [u32; LANES]) -> usize {
+    pub(super) fn select(block: &Slots, range: &Range, target: &mut [u32; LANES]) -> usize {
         let square = |axis: usize| {
             // SAFETY: this loads eight words, and blocks are aligned to 64 bytes.
             let other = unsafe { _mm256_load_si256(block.x[axis].as_ptr().cast()) };

@@ -14,7 +14,7 @@ longer lists and fuller bins; updates that need more are left to the last round.
 After a step that must be undone, particles, reference positions and calendars are those of its start. Lists
 are then the same sets, because they follow from the reference positions alone.
 
-[`Lists::reach`]: super::lists::Lists::reach
+[`Lists::reach`]: super::neighbor_lists::Lists::reach
 */
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -41,7 +41,7 @@ use crate::{
 };
 
 use super::{
-    Entry, Nearby,
+    Entry, ListSearch,
     block::{ListBlock, Places},
     predictor::ListPredictor,
     scheduler::ListedEvent,
@@ -80,7 +80,7 @@ pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
     Ok(())
 }
 
-impl<F: Features, E: ListedEvent> Nearby<F, E> {
+impl<F: Features, E: ListedEvent> ListSearch<F, E> {
     /// Why events are taken on one thread, if they are.
     pub(super) fn serial_reason(&self, world: &World) -> Option<&'static str> {
         self.unsuitable(world).or(self.steps.reason)
@@ -182,7 +182,7 @@ impl<F: Features, E: ListedEvent> Nearby<F, E> {
     }
 }
 
-impl<F: Features, E: ListedEvent> Stepping for Nearby<F, E> {
+impl<F: Features, E: ListedEvent> Stepping for ListSearch<F, E> {
     fn begin_step(&mut self, state: &mut State, limit: &Limit) -> Option<NextStep> {
         let from = self.horizon.max(state.world.now);
         let wanted = (self.steps.ticks as i64).max(1);

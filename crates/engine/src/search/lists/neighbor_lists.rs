@@ -24,7 +24,7 @@ use crate::{
 };
 
 use super::{
-    frame::Frame,
+    frame::FilterFrame,
     levels::{Layout, Levels},
     plan::{Plan, STRAIGHT},
     sets::{LANES, MASK_BITS},
@@ -46,14 +46,14 @@ struct Reference {
 
 /// A wall: its unit normal, and its largest coordinate along this normal [largest contact distances].
 #[derive(Debug, Clone, Copy)]
-struct Plane {
+struct ListedPlane {
     normal: DVec3,
     offset: f64,
 }
 
 /// The walls of a geometry. A wall that moves on and on, or whose normal has a component along an axis on
 /// which coordinates stand for several places, is near every particle.
-fn planes(geometry: &Geometry, axes: [Axis; 3]) -> Vec<Plane> {
+fn planes(geometry: &Geometry, axes: [Axis; 3]) -> Vec<ListedPlane> {
     let repeats = |axis| matches!(axis, Axis::Periodic | Axis::Open);
     let repeating = DVec3::from_array(axes.map(|axis| f64::from(u8::from(repeats(axis)))));
     let plane = |plane: &haff_neighbors::Plane| {
@@ -63,7 +63,7 @@ fn planes(geometry: &Geometry, axes: [Axis; 3]) -> Vec<Plane> {
         } else {
             (plane.point.dot(plane.normal) + plane.sweep) / geometry.reach
         };
-        Plane { normal: plane.normal, offset }
+        ListedPlane { normal: plane.normal, offset }
     };
     geometry.planes.iter().map(plane).collect()
 }
@@ -95,7 +95,7 @@ pub(super) struct Lists {
     free_overflow: Vec<u32>,
     /// Working space of [`Self::renew`].
     found: Vec<u32>,
-    planes: Vec<Plane>,
+    planes: Vec<ListedPlane>,
     /// Whether a particle can touch a wall before it leaves its skin sphere; empty without walls.
     near_wall: Array<bool>,
     /// Number of lists of `overflow` that are lent to aliases.
@@ -295,7 +295,7 @@ impl Lists {
     fn displacement<F: Features>(
         &self,
         i: u32,
-        frame: &Frame,
+        frame: &FilterFrame,
         compact: &CompactParticle,
         fraction: f32,
     ) -> [f32; 3] {
@@ -318,7 +318,7 @@ impl Lists {
     pub fn exit<F: Features>(
         &self,
         i: u32,
-        frame: &Frame,
+        frame: &FilterFrame,
         compact: &CompactParticle,
         fraction: f32,
         within: f32,
@@ -375,7 +375,7 @@ impl Lists {
     pub fn renew<F: Features, const VECTORS: bool>(
         &mut self,
         i: u32,
-        frame: &Frame,
+        frame: &FilterFrame,
         particles: &Array<CompactParticle>,
         fraction: f32,
         ahead: f32,

@@ -6,7 +6,7 @@ use crate::{
     model::features::Features,
     search::{
         blocks::{Metric, Round, Settings, WorkingSpace},
-        nearby::block::{ListBlock, Places},
+        lists::block::{ListBlock, Places},
         queue::Queue,
         search_event::SearchEvent,
     },
@@ -17,7 +17,7 @@ use super::Entry;
 /// The steps of a run with lists.
 pub(super) struct Steps<F> {
     pub settings: Settings,
-    /// Entries after [`Nearby::horizon`], besides those in the queue, for each block; and those that have not
+    /// Entries after [`ListSearch::horizon`], besides those in the queue, for each block; and those that have not
     /// been added yet.
     pub calendars: Vec<Ladder<Entry>>,
     pub incoming: Vec<Vec<Entry>>,

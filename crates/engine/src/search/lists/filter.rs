@@ -21,7 +21,7 @@ use haff_neighbors::Array;
 use crate::{model::features::Features, search::compact::CompactParticle};
 
 use super::{
-    frame::Frame,
+    frame::FilterFrame,
     sets::{LANES, MASK_BITS},
 };
 
@@ -81,7 +81,7 @@ impl Bounds {
 /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
 #[inline(always)]
 pub(super) fn bounds<F: Features, const VECTORS: bool>(
-    frame: &Frame,
+    frame: &FilterFrame,
     particles: &Array<CompactParticle>,
     own: &CompactParticle,
     fraction: f32,
@@ -105,7 +105,12 @@ pub(super) fn bounds<F: Features, const VECTORS: bool>(
 
 /// The bound for one pair: the scalar reference of the vector filter.
 #[inline(always)]
-fn bound<F: Features>(frame: &Frame, own: &CompactParticle, other: &CompactParticle, fraction: f32) -> f32 {
+fn bound<F: Features>(
+    frame: &FilterFrame,
+    own: &CompactParticle,
+    other: &CompactParticle,
+    fraction: f32,
+) -> f32 {
     let (mut b, mut c, mut vv) = (-frame.noise, -frame.sigma2, 0.0);
     if !F::UNIFORM {
         let sigma = own.radius + other.radius;
@@ -134,14 +139,14 @@ mod avx2 {
         _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
     };
 
-    use super::{Array, Bounds, Features, Frame, LANE, LANES, MASK_BITS, NEVER};
+    use super::{Array, Bounds, Features, FilterFrame, LANE, LANES, MASK_BITS, NEVER};
     use crate::search::compact::{CompactParticle, avx2::load_halves};
 
     /// [`super::bounds`] for eight members at a time.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     pub(super) fn bounds<F: Features>(
-        frame: &Frame,
+        frame: &FilterFrame,
         particles: &Array<CompactParticle>,
         own: &CompactParticle,
         fraction: f32,
@@ -221,7 +226,7 @@ mod tests {
     use super::*;
     use crate::{
         model::{System, features::With},
-        search::nearby::frame::Extent,
+        search::lists::frame::Extent,
         state::world::World,
     };
 
@@ -236,7 +241,7 @@ mod tests {
     const EDGE: f64 = 40.0;
 
     /// A frame in a box of edge [`EDGE`], and a world of two particles whose speeds are up to one.
-    fn frame<F: Features>(radii: [f64; 2]) -> (Frame, World) {
+    fn frame<F: Features>(radii: [f64; 2]) -> (FilterFrame, World) {
         let gravity = if F::GRAVITY { DVec3::new(0.1, 0.0, -0.6) } else { DVec3::ZERO };
         let body = |class| crate::model::Body {
             position: DVec3::ZERO,
@@ -274,7 +279,7 @@ mod tests {
             gravity,
             bend: 0.05,
         };
-        let mut frame = Frame::new(&extent).expect("the box is large enough");
+        let mut frame = FilterFrame::new(&extent).expect("the box is large enough");
         frame.begin::<F>(&world, world.now);
         (frame, world)
     }
@@ -282,7 +287,7 @@ mod tests {
     /// Bounds of one pair, without and with vector instructions. The pair is in one lane of a vector; the
     /// other lanes contain the sentinel.
     fn both<F: Features>(
-        frame: &Frame,
+        frame: &FilterFrame,
         own: &CompactParticle,
         other: &CompactParticle,
         fraction: f32,

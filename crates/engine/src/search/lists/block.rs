@@ -6,7 +6,7 @@ use crate::{
     laws::{resolve, wall_impact},
     model::features::Features,
     search::{
-        blocks::{Block, Bounds as FrontBounds, Grid, Ownership, Part, Place, Present, Step, wrap_place},
+        blocks::{Block, Bounds as FrontBounds, Grid, Ownership, Part, Place, RoundView, Step, wrap_place},
         compact::{CompactParticle, PERIOD},
         queue::Predictor,
         search_event::SearchEvent,
@@ -17,7 +17,8 @@ use crate::{
 use super::{
     Entry, UPDATE,
     filter::Bounds,
-    predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work},
+    predictor::{FAR_AHEAD, ListPredictor, Work},
+    vector_predictor::VectorPredictor,
 };
 
 /// What a thread has for one block.
@@ -107,7 +108,7 @@ impl<F: Features> ListBlock<F> {
     #[inline(always)]
     fn take_entry<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         entry: Entry,
     ) -> bool {
         let (step, i) = (present.step, entry.owner);
@@ -154,7 +155,7 @@ impl<F: Features> ListBlock<F> {
     #[inline(always)]
     fn take_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         entry: Entry,
         [i, j]: [u32; 2],
         time: f32,
@@ -205,7 +206,7 @@ impl<F: Features> ListBlock<F> {
     #[inline(never)]
     fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         entry: Entry,
         wall: u32,
         time: f32,
@@ -242,14 +243,14 @@ impl<F: Features> ListBlock<F> {
     /// Whether a wall supports a particle: blocks do not support this.
     #[inline(always)]
     fn has_resting(&self) -> bool {
-        F::GRAVITY && (self.part.state.world.resting != 0 || !self.part.state.pending.is_empty())
+        F::GRAVITY && (self.part.state.world.supported.resting != 0 || !self.part.state.pending.is_empty())
     }
 
     /// Predicts the particle of an entry again, after an update of its list if `updates` is set.
     #[inline(always)]
     fn predict_again<const VECTORS: bool>(
         &mut self,
-        present: &Present,
+        present: &RoundView,
         entry: Entry,
         time: f32,
         updates: bool,
@@ -357,7 +358,7 @@ impl<F: Features> Block for ListBlock<F> {
     }
 
     #[inline(always)]
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &Present) {
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &RoundView) {
         let (from, to) = (present.step.from, present.step.to);
         self.queue.open(from, to, &self.part.known);
         while let Some(entry) = self.queue.pop_until(to) {

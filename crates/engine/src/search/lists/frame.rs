@@ -51,7 +51,7 @@ const NOISE: f64 = 4e-6;
 
 /// Coordinates and the present span.
 #[derive(Debug, Clone)]
-pub(super) struct Frame {
+pub(super) struct FilterFrame {
     /// The largest contact distance [length].
     pub sigma: f64,
     /// Lengths after which coordinates repeat [length].
@@ -88,7 +88,7 @@ pub(super) struct Frame {
     bend: f64,
 }
 
-/// The box and the particles for which a [`Frame`] is made.
+/// The box and the particles for which a [`FilterFrame`] is made.
 pub(super) struct Extent {
     pub axes: [Axis; 3],
     /// Edges of the box [length].
@@ -116,7 +116,7 @@ pub(super) fn longest_reach(axis: Axis, edge: f64, beyond: [f64; 2], sigma: f64)
     }
 }
 
-impl Frame {
+impl FilterFrame {
     /// Coordinates for a box and its particles.
     ///
     /// # Errors

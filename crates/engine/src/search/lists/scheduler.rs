@@ -28,10 +28,11 @@ use crate::{
 use super::{
     Entry,
     filter::Bounds,
-    lists::Lists,
+    neighbor_lists::Lists,
     plan::Plan,
-    predictor::{FAR_AHEAD, ListPredictor, VectorPredictor, Work},
+    predictor::{FAR_AHEAD, ListPredictor, Work},
     step_data::Steps,
+    vector_predictor::VectorPredictor,
 };
 
 /// Number of particles that are predicted in parallel at the start, before their entries are added to the
@@ -74,7 +75,7 @@ impl ListedEvent for AnyEvent {
 }
 
 /// The scheduler for one set of features and the events that can occur with them.
-pub(crate) struct Nearby<F, E = Impact> {
+pub(crate) struct ListSearch<F, E = Impact> {
     pub(super) kernel: Kernel,
     pub(super) queue: Queue<SearchEvent>,
     pub(super) predictor: ListPredictor<F>,
@@ -88,7 +89,7 @@ pub(crate) struct Nearby<F, E = Impact> {
     events: PhantomData<fn() -> E>,
 }
 
-impl<F: Features, E: ListedEvent> Nearby<F, E> {
+impl<F: Features, E: ListedEvent> ListSearch<F, E> {
     /// A scheduler for a system. Before a run it must be [built](Scheduler::rebuild).
     ///
     /// # Errors
@@ -156,7 +157,7 @@ impl<F: Features, E: ListedEvent> Nearby<F, E> {
     }
 }
 
-impl<F: Features, E: ListedEvent> Scheduler for Nearby<F, E> {
+impl<F: Features, E: ListedEvent> Scheduler for ListSearch<F, E> {
     type Features = F;
     type Event = E;
 
@@ -318,7 +319,7 @@ impl<F: Features, E: ListedEvent> Scheduler for Nearby<F, E> {
     }
 
     fn serial_reason(&self, state: &State) -> Option<&'static str> {
-        Nearby::serial_reason(self, &state.world)
+        ListSearch::serial_reason(self, &state.world)
     }
 
     fn count_work(&mut self, state: &mut State) {

@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, marker::PhantomData};
 
 use glam::DVec3;
 use haff_mechanics::duration;
-use haff_neighbors::{Array, prefetch_at};
+use haff_neighbors::Array;
 
 use crate::{
     model::features::Features,
@@ -18,17 +18,16 @@ use crate::{
         entry::Target,
         planes::Planes,
         predict::{predict_nearest, predict_support, predict_walls},
-        queue::Predictor,
         search_event::SearchEvent,
     },
-    state::{Pending, State, world::World},
+    state::{Pending, world::World},
 };
 
 use super::{
     Entry, UPDATE,
     filter::{self, Bounds},
-    lists::Lists,
     narrow_phase,
+    neighbor_lists::Lists,
     plan::Plan,
     sets::MASK_BITS,
 };
@@ -39,13 +38,13 @@ const AHEAD: f32 = 0.5;
 /// particles and lists are prefetched.
 pub(super) const FAR_AHEAD: usize = 8;
 /// The same distance for the anchors and compact particles of the members of these lists.
-const NEARLY_DUE: usize = 3;
+pub(super) const NEARLY_DUE: usize = 3;
 
 /// Later than any event [spans], but below [`filter::NEVER`], as [`Bounds::up_to`] requires.
 const NEVER: f32 = 0.5 * filter::NEVER;
 
 /// The series of bounces that have been completed, but not ended.
-type Waiting = BTreeMap<u32, Pending>;
+pub(super) type Waiting = BTreeMap<u32, Pending>;
 
 /// The data of predictions, except for the world.
 pub(super) struct ListPredictor<F> {
@@ -223,7 +222,8 @@ impl<F: Features> ListPredictor<F> {
     fn predict_exit_of_fixed(&self, world: &World, i: u32, earliest: &mut Earliest<SearchEvent>) {
         let depth = self.lists.depth(i, self.present_place(world, i)) * self.plan.frame.sigma;
         // No faster than this on the way: a wall that carries the particle may turn.
-        let carrier = world.carrier(i).map_or(0.0, |wall| world.walls[wall as usize].motion.max_speed());
+        let carrier =
+            world.carrier(i).map_or(0.0, |wall| world.boundary.walls[wall as usize].motion.max_speed());
         let speed = world.flight::<F>(i, world.now).1.length() + carrier;
         let acceleration = world.acceleration(i).length();
         if speed + acceleration > 0.0 {
@@ -262,7 +262,7 @@ impl<F: Features> ListPredictor<F> {
     /// [`Self::predict`] for two particles, each step for both, so that the processor can overlap the two
     /// predictions.
     #[inline(always)]
-    fn predict_both<const VECTORS: bool>(
+    pub(super) fn predict_both<const VECTORS: bool>(
         &self,
         world: &World,
         pending: &Waiting,
@@ -288,17 +288,17 @@ impl<F: Features> ListPredictor<F> {
         fraction: f32,
         bounds: &mut Bounds,
         work: &mut Work,
-    ) -> Query<'_> {
+    ) -> ListQuery<'_> {
         let (compact, list) = (&self.particles[i as usize], self.lists.of(i));
         work.candidates += list.len() as u64;
         let least =
             filter::bounds::<F, VECTORS>(&self.plan.frame, &self.particles, compact, fraction, list, bounds);
-        Query { i, fraction, compact, list, least }
+        ListQuery { i, fraction, compact, list, least }
     }
 
     /// The exact contact with the member that has the least bound [ticks].
     #[inline(always)]
-    fn first(world: &World, query: &Query, work: &mut Work) -> i64 {
+    fn first(world: &World, query: &ListQuery, work: &mut Work) -> i64 {
         if query.least >= filter::NEVER {
             return narrow_phase::NEVER;
         }
@@ -313,13 +313,13 @@ impl<F: Features> ListPredictor<F> {
         &self,
         world: &World,
         pending: &Waiting,
-        query: &Query,
+        query: &ListQuery,
         contact: i64,
         bounds: &mut Bounds,
         work: &mut Work,
     ) -> Entry {
         let frame = &self.plan.frame;
-        let &Query { i, fraction, compact, list, least } = query;
+        let &ListQuery { i, fraction, compact, list, least } = query;
         let particle = &world.particles[i as usize];
         let nothing = Entry::none(i, particle.count);
         let mut earliest = Earliest { entry: nothing, far: false };
@@ -434,7 +434,7 @@ impl<F: Features> ListPredictor<F> {
 }
 
 /// Bounds for the contacts of particle i with the members of its list.
-struct Query<'a> {
+struct ListQuery<'a> {
     i: u32,
     /// The fraction of the span that has passed.
     fraction: f32,
@@ -442,95 +442,4 @@ struct Query<'a> {
     list: &'a [u32],
     /// The least bound of the first [`MASK_BITS`].
     least: f32,
-}
-
-/// A [`ListPredictor`] with its working space, which uses vector instructions if `VECTORS` is set.
-pub(super) struct VectorPredictor<'a, F, const VECTORS: bool> {
-    pub predictor: &'a mut ListPredictor<F>,
-    pub bounds: &'a mut [Bounds; 2],
-    pub work: &'a mut Work,
-}
-
-impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
-    /// The next events of two particles, predicted at the world's present time.
-    #[inline(always)]
-    pub fn predict_both(&mut self, world: &World, pending: &Waiting, bodies: [u32; 2]) -> [Entry; 2] {
-        if world.now > self.predictor.plan.frame.end {
-            self.predictor.begin(world);
-        }
-        self.predictor.predict_both::<VECTORS>(world, pending, bodies, self.bounds, self.work)
-    }
-}
-
-impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECTORS> {
-    type Features = F;
-    type Kind = SearchEvent;
-
-    #[inline(always)]
-    fn predict(&mut self, state: &State, i: u32) -> Entry {
-        if state.world.now > self.predictor.plan.frame.end {
-            self.predictor.begin(&state.world);
-        }
-        #[cfg(target_arch = "x86_64")]
-        if VECTORS {
-            // SAFETY: with `VECTORS` set the caller guarantees the features of `predict_avx2`.
-            return unsafe {
-                self.predictor.predict_avx2(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
-            };
-        }
-        self.predictor.predict::<false>(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
-    }
-
-    /// Prefetches in two steps. For the event [`FAR_AHEAD`] entries after the next one: the anchors, compact
-    /// particles and lists of its particles. For the event [`NEARLY_DUE`] entries after the next one: the
-    /// anchors and compact particles of the members of these lists. The sentinel has no anchor, but a
-    /// prefetch beyond the last anchor has no effect.
-    #[inline(always)]
-    fn prefetch<'a>(&self, upcoming: impl Fn(usize) -> Option<&'a Entry>, state: &State) {
-        let ListPredictor { particles, lists, prefetches, .. } = &*self.predictor;
-        if let Some(entry) = upcoming(FAR_AHEAD) {
-            let partner = entry.target.partner().unwrap_or(entry.owner);
-            for i in [entry.owner, partner] {
-                prefetch_at(&state.world.particles, i as usize);
-                prefetch_at(particles, i as usize);
-                lists.prefetch(i);
-            }
-        }
-        if !prefetches {
-            return;
-        }
-        if let Some(entry) = upcoming(NEARLY_DUE)
-            && state.world.particles[entry.owner as usize].count == entry.own_count
-        {
-            let neighbors = |i: u32| {
-                for &j in lists.of(i) {
-                    prefetch_at(particles, j as usize);
-                    prefetch_at(&state.world.particles, j as usize);
-                }
-            };
-            neighbors(entry.owner);
-            if let Some(j) = entry.target.partner()
-                && !upcoming(NEARLY_DUE + 1).is_some_and(|next| next.mirrors(entry))
-            {
-                neighbors(j);
-            }
-        }
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-impl<F: Features> ListPredictor<F> {
-    /// Not inlined: one copy of this code keeps the loop of events short.
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    #[inline(never)]
-    fn predict_avx2(
-        &self,
-        world: &World,
-        pending: &Waiting,
-        i: u32,
-        bounds: &mut Bounds,
-        work: &mut Work,
-    ) -> Entry {
-        self.predict::<true>(world, pending, i, bounds, work)
-    }
 }

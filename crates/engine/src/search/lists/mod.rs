@@ -2,7 +2,7 @@
 The scheduler with neighbor lists, for dense systems.
 
 Like [`CalendarScheduler`](crate::search::calendar_scheduler::CalendarScheduler), it keeps for every particle
-its earliest event. It differs in two points. The lists contain no periodic images ([`lists`]). Most members
+its earliest event. It differs in two points. The lists contain no periodic images ([`neighbor_lists`]). Most members
 of a list are rejected in single precision, eight at a time ([`filter`]), from [compact
 particles](crate::search::compact): only the pairs that can touch before the earliest event known so far are
 predicted exactly ([`narrow_phase`]).
@@ -19,18 +19,19 @@ mod block;
 mod filter;
 mod frame;
 mod levels;
-mod lists;
 mod narrow_phase;
+mod neighbor_lists;
 mod plan;
 mod predictor;
 pub(crate) mod scheduler;
 mod sets;
 pub(crate) mod step_data;
 mod steps;
+mod vector_predictor;
 
 use crate::search::{entry, search_event::SearchEvent};
 
-pub(crate) use scheduler::{ListedEvent, Nearby};
+pub(crate) use scheduler::{ListSearch, ListedEvent};
 
 pub(crate) use plan::{can_run, is_profitable};
 pub(crate) use steps::can_share;

@@ -12,7 +12,7 @@ use crate::{
     support::geometry::{axes, planes},
 };
 
-use super::frame::{self, Extent, Frame};
+use super::frame::{self, Extent, FilterFrame};
 
 /// Mean number of members of a list. With the first value most lists, fluctuations included, fit into two
 /// vectors of the filter. The second is for systems of [`SHORT_LISTS`] particles and more: there each member
@@ -50,7 +50,7 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
 /// The layout of the lists for one system, made before the run.
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
-    pub frame: Frame,
+    pub frame: FilterFrame,
     /// Half of the skin [largest contact distances].
     pub half_skin: f64,
     /// That with which lists are fastest in a large box.
@@ -117,7 +117,7 @@ impl Plan {
         // Reference positions of neighbors are at most a contact distance and the skin apart, and each
         // particle is at most half of the skin from its reference position.
         let reach = (CONTACT + 4.0 * half_skin) * sigma;
-        let frame = Frame::new(&Extent {
+        let frame = FilterFrame::new(&Extent {
             axes,
             size,
             beyond,

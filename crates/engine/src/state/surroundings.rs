@@ -1,0 +1,41 @@
+//! What is around the particles: the box with its images, and walls.
+
+use crate::{
+    model::{System, Wall, WallLaw},
+    state::{periodicity::Periodicity, sliding_images::SlidingImages, wall_sums::WallSums},
+};
+
+/// The box and the walls.
+#[derive(Debug, Clone)]
+pub(crate) struct Surroundings {
+    /// Edge lengths of the box, and its periodic images.
+    pub periodicity: Periodicity,
+    /// The images of a sheared box.
+    pub shear: Option<SlidingImages>,
+    pub walls: Vec<Wall>,
+    /// Whether a wall can carry grains: it oscillates, and does not reflect all of them elastically or
+    /// thermally.
+    pub carries: bool,
+    /// Forces on walls, if they are measured.
+    pub wall_sums: Option<Box<WallSums>>,
+}
+
+impl Surroundings {
+    pub fn of(system: &System) -> Self {
+        Self {
+            periodicity: Periodicity::of(&system.domain),
+            shear: SlidingImages::of(system),
+            walls: system.walls.clone(),
+            carries: can_carry(system),
+            wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
+        }
+    }
+}
+
+/// Whether a wall can carry grains: it oscillates, and grains bounce on it with losses.
+pub(crate) fn can_carry(system: &System) -> bool {
+    let walls = system.walls.len();
+    (0..walls)
+        .filter(|&wall| system.walls[wall].motion.carries())
+        .any(|wall| system.contacts.wall.iter().skip(wall).step_by(walls).any(WallLaw::has_series))
+}
