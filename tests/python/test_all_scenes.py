@@ -16,7 +16,7 @@ from haff import figures, viewer
 from haff.errors import MissingDataError, NotApplicableError
 from haff.export import FORMATS, TABLES, export
 from haff.files import measure
-from haff.files.scene import SceneFault, parsed
+from haff.files.scene import SceneFault, parsed, shaped_walls
 from validation.runs import toml
 
 if sys.version_info >= (3, 11):
@@ -214,3 +214,10 @@ def test_recorded_scenes_that_no_run_has_written_are_refused(text, message):
     with pytest.raises(SceneFault) as caught:
         parsed(text)
     assert str(caught.value) == message
+
+
+def test_a_surface_of_another_crate_is_a_wall_of_its_own():
+    """Walls have rows in the order of the scene, whatever their shape."""
+    plane = {"point": [0, 0, 0], "normal": [0, 0, 1]}
+    walls = [{"name": "z-"}, {"name": "torus", "surface": "torus"}, {"name": "floor", "plane": plane}]
+    assert [wall["name"] for wall in shaped_walls({"wall": walls})] == ["torus", "floor"]

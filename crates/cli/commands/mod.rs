@@ -6,7 +6,7 @@ pages and completions. `plot`, `export` and `view` are handed to the Python pack
 
 *What to change here.* A new subcommand: its arguments in `arguments.rs`, and a file here. A new figure or
 export format is made in Python: `KINDS` of `figures/__init__.py`, `FORMATS` of `export/__init__.py`, and
-their copies in `__main__.py`; `arguments.rs` has the examples of the help.
+their copies in `command/main.py`; `arguments.rs` has the examples of the help.
 
 *May import* all rooms below: `terminal`, `arguments` and `running`.
 

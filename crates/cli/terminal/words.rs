@@ -1,7 +1,8 @@
-//! Messages in the words of their reader: options for a user of the command, arguments for a caller in Python.
+//! Messages in the words of their reader: options for a user of the command, arguments for a caller in
+//! Python.
 //!
-//! The Python package sets `HAFF_WORDS=python` for the commands that it runs. Where a message names an option,
-//! both forms are beside each other.
+//! The Python package sets `HAFF_WORDS=python` for the commands that it runs. Where a message names an
+//! option, both forms are beside each other.
 
 use std::{env, fmt::Display, sync::OnceLock};
 

@@ -17,7 +17,7 @@ simulator is based.
 | [`bounces`] | the sums over an infinite series of bounces |
 | [`rough`] | the tangential part of the impact of rough spheres |
 | [`flight`] | the state of a body after a given time |
-| [`surface`] | surfaces that another crate adds, and the times at which spheres touch them |
+| [`surface`] | shapes of walls, built in ([`partition`]) or of another crate, and the times at which spheres touch them |
 | [`named`] | what another crate adds, with its name in scenes |
 
 # Sign conventions

@@ -1,5 +1,5 @@
 /*!
-Surfaces that another crate adds.
+Shapes of walls, built in or of another crate, and the times at which spheres touch them.
 */
 
 use std::fmt;

@@ -1,6 +1,13 @@
 """Checks and statistics on recorded runs, on top of SciPy, freud and pandas.
 
 What takes all frames of a file is given a selection: ``run.frames[::10]``, or :func:`drawn_frames`.
+
+*What to change here.* A new quantity computed from a file: a module for its subject. Formulas of theory that it is
+compared with have their conditions in :mod:`.conditions`.
+
+*May import* ``common``, ``theory``, ``mechanics`` and ``files``.
+
+*Begin with* :mod:`.pairs`, then :mod:`.conditions`.
 """
 
 from .clustering import Clusters, clusters

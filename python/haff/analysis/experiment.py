@@ -254,6 +254,8 @@ def plane(run: File, wall: int) -> tuple[Array, Array]:
         point[axis] = run.box.size[axis] if upper else 0.0
         return point + float(_wall(run, wall)[1].get("displacement", 0.0)) * normal, normal
     given = shaped_walls(run.scene)[wall - 2 * len(sides)]
+    if "plane" not in given:
+        raise NotApplicableError(f"the wall {quoted(given.get('name', ''))} is no plane")
     normal = vector(given["plane"]["normal"])
     start = float(run.frames.time[0]) if len(run.frames) else 0.0
     return np.array(mean_point(given, start)), normal / np.linalg.norm(normal)

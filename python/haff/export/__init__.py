@@ -1,4 +1,11 @@
-"""Files for other programs: ``haff export``, or :meth:`haff.File.export`. docs/export.md lists programs by format."""
+"""Files for other programs: ``haff export``, or :meth:`haff.File.export`. docs/export.md lists programs by format.
+
+*What to change here.* A new format: a module here, a line of :data:`FORMATS`, and the same in ``command/main.py``.
+
+*May import* ``common``, ``files`` and ``analysis``.
+
+*Begin with* :data:`FORMATS`, then :mod:`.extxyz`.
+"""
 
 from __future__ import annotations
 

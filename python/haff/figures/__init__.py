@@ -1,4 +1,11 @@
-"""The standard figures of open files, ready for print: ``haff plot FILE``, or :func:`haff.plot` from Python."""
+"""The standard figures of open files, ready for print: ``haff plot FILE``, or :func:`haff.plot` from Python.
+
+*What to change here.* A new figure: a module here, a line of :data:`KINDS`, and the same in ``command/main.py``.
+
+*May import* ``common``, ``theory``, ``mechanics``, ``files`` and ``analysis``.
+
+*Begin with* :data:`KINDS`, then :mod:`.temperature`.
+"""
 
 from __future__ import annotations
 

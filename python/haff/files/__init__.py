@@ -1,6 +1,6 @@
 """Output files: what HDF5 has, checked, as arrays, frames, events and tables.
 
-*What is here.* :mod:`.stored` reads a file that may be written at the same time, or that somebody else has written;
+*What is here.* :mod:`.stored` reads a file that may be written at the same time, or that another program has written;
 :mod:`.column` is a dataset of numbers, :mod:`.layout` has the names of the layout. :mod:`.frames`, :mod:`.events`,
 :mod:`.samples` and :mod:`.measure` are the parts of a file, :mod:`.scene` is its scene, :mod:`.foreign` reads states of
 other programs. :class:`haff.File` puts them together.

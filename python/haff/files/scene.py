@@ -58,8 +58,11 @@ def parsed(text: str) -> dict[str, Any]:
 
 
 def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
-    """The walls that follow those of the box. Entries without a shape set properties of a wall of the box."""
-    return [wall for wall in scene.get("wall", ()) if "plane" in wall]
+    """The walls that follow those of the box, planes and surfaces of other crates.
+
+    Entries without a shape set properties of a wall of the box.
+    """
+    return [wall for wall in scene.get("wall", ()) if "plane" in wall or "surface" in wall]
 
 
 def mean_point(wall: dict[str, Any], time: float) -> list[float]:

@@ -2,6 +2,12 @@
 
 A scene is the same whether it stands in a file or in a dict: ``{"contact": {"restitution": 0.8}}`` is
 ``[contact] restitution = 0.8``. Every key is described in the reference of scene files (``haff schema``).
+
+*What to change here.* How a scene in Python is written as TOML, or an error of it is told.
+
+*May import* ``common``, ``files`` and ``reader``.
+
+*Begin with* :func:`validate`, then :mod:`.keywords`.
 """
 
 from __future__ import annotations

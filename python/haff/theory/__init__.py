@@ -42,6 +42,12 @@ Sources
 * J. J. Brey, J. W. Dufty, A. Santos, *J. Stat. Phys.* **97**, 281 (1999)
 * V. Garzó, *Granular Gaseous Flows*, Springer (2019)
 * N. V. Brilliantov, T. Pöschel, *Kinetic Theory of Granular Gases*, Oxford (2004)
+
+*What to change here.* A new formula, with its source: a module for its subject.
+
+*May import* ``common``.
+
+*Begin with* :mod:`.equilibrium`.
 """
 
 from .collisions import (

@@ -1,4 +1,11 @@
-"""One self-contained web page that plays a run: ``haff view``, or :func:`view`."""
+"""One self-contained web page that plays a run: ``haff view``, or :func:`view`.
+
+*What to change here.* What the page shows: :mod:`.content` packs it, the scripts beside it draw it.
+
+*May import* ``common``, ``files``, ``analysis``, ``figures`` and ``reader``.
+
+*Begin with* :mod:`.content`, then ``shaders.js``.
+"""
 
 from __future__ import annotations
 

@@ -268,4 +268,6 @@ def _walls(file: File, start: float) -> list[dict[str, Any]]:
             "hole": _hole(wall["plane"].get("hole")),
         }
         for wall in shaped_walls(file.scene)
+        # Surfaces of other crates are not drawn.
+        if "plane" in wall
     ]

@@ -12,7 +12,7 @@ of a shear, [`series`] completes bounces, [`hop`] ends them where no closed form
 velocities and the impact, and sets no anchor. A coefficient that depends on the speed alone is a
 `Restitution` of `haff_mechanics`. A law of walls is a variant of `WallLaw` and an arm of
 `collide_with_wall`. A physical event is a `PhysicalEvent`, in the type of events of each scheduler that has
-it.
+it; its kind in the log is in `report/event.rs`, its entry in a queue in `search/search_event.rs`.
 
 *May import* all rooms below: `numerics`, `model`, `report`, `state`, `motion`, `support`.
 

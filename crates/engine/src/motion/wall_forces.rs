@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::{
     numerics::total::total,
     report::sample::Sample,
-    state::{force, particle::Support, wall_sums::WallSum, world::World},
+    state::{particle::Support, wall_sums::WallSum, world::World},
 };
 
 impl World {
@@ -68,10 +68,10 @@ impl World {
         sample.wall_force.clear();
         sample.wall_heat_flow.clear();
         for (wall, carried) in sums.walls.iter_mut().zip(carried) {
-            let impulse =
-                force::value(&wall.impulse) + wall.support.impulse_until(time) + (carried - wall.carried);
+            let by_impacts = DVec3::from_array([0, 1, 2].map(|axis| wall.given.value(axis)));
+            let impulse = by_impacts + wall.support.impulse_until(time) + (carried - wall.carried);
             sample.wall_force.push(DVec3::from_array((-impulse).to_array().map(mean)));
-            sample.wall_heat_flow.push(mean(wall.heat.value()));
+            sample.wall_heat_flow.push(mean(wall.given.value(3)));
             let total = wall.support.total;
             *wall = WallSum { carried, ..WallSum::default() };
             (wall.support.total, wall.support.until) = (total, time);

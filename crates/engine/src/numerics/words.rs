@@ -1,6 +1,6 @@
 //! The data of measurements in a checkpoint: a sequence of numbers, each as the bits of a 64-bit word.
 
-use crate::numerics::{error::EngineError, sum::Sum};
+use crate::numerics::{error::EngineError, exact_sum::ExactSums, sum::Sum};
 
 /// Reads words in the order in which they have been written. A fault ends the reading.
 #[derive(Debug)]
@@ -53,6 +53,15 @@ impl<'a> Words<'a> {
         })
     }
 
+    /// Loads exact sums that have been written by [`put_exact_sums`].
+    pub fn exact_sums<const K: usize>(&mut self, sums: &mut ExactSums<K>) -> Result<(), EngineError> {
+        for sum in sums.sums_mut() {
+            let parts = self.take()?;
+            *sum = self.reals(usize::try_from(parts).unwrap_or(usize::MAX))?.into_iter().collect();
+        }
+        Ok(())
+    }
+
     /// A number up to `most`, which is called `what`.
     pub fn count(&mut self, what: &str, most: u64) -> Result<u64, EngineError> {
         let value = self.take()?;
@@ -71,6 +80,15 @@ impl<'a> Words<'a> {
 /// Appends numbers.
 pub(crate) fn put_reals(words: &mut Vec<u64>, values: &[f64]) {
     words.extend(values.iter().map(|value| value.to_bits()));
+}
+
+/// Appends exact sums: for each the number of its parts, and these.
+pub(crate) fn put_exact_sums<const K: usize>(words: &mut Vec<u64>, sums: &ExactSums<K>) {
+    for sum in sums.clone().sums_mut() {
+        let parts = sum.parts();
+        words.push(parts.len() as u64);
+        put_reals(words, &parts);
+    }
 }
 
 /// Appends sums.

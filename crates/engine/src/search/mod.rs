@@ -3,10 +3,11 @@ The searches for the next event, and the loop that takes events from them.
 
 *What is here.* [`event_loop`] is the loop, the same for all searches; a search implements its `Scheduler`.
 [`calendar_scheduler`] runs everything, with the cells or all pairs of `haff_neighbors`; [`windows`] and
-[`lists`] (lists) are faster and support less. [`blocks`] shares steps of windows and lists among
+[`lists`] (of neighbors) are faster and support less. [`blocks`] shares steps of windows and lists among
 threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
-[`predict`] and [`batch`] are the predictions of pairs, [`queue`] keeps one entry for each particle,
-[`summary`] describes a state to a search.
+[`predict`] and [`batch`] are the predictions of pairs, [`planes`] filters walls, [`queue`] keeps one
+[`entry`] for each particle, with the [`search_event`] that it stands for; [`summary`] and [`case`] describe a
+state and a scene to a search.
 
 *What to change here.* How fast an event is found, and which images of a new boundary a search visits. No
 search may change which event is found: all give the same bits, since predictions are pure functions of two

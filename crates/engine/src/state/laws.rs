@@ -11,7 +11,7 @@ pub(crate) struct Laws {
     /// By pair of groups.
     pub restitution: Vec<Restitution>,
     /// By group and wall.
-    pub wall_laws: Vec<WallLaw>,
+    pub of_walls: Vec<WallLaw>,
     /// Number of groups.
     pub groups: usize,
     /// Contact duration of the TC model \[time\]; 0 without it.
@@ -30,7 +30,7 @@ impl Laws {
     pub fn of(system: &System, thresholds: Option<Thresholds>) -> Self {
         Self {
             restitution: system.contacts.pair.clone(),
-            wall_laws: system.contacts.wall.clone(),
+            of_walls: system.contacts.wall.clone(),
             groups: system.groups.len(),
             tc: system.contacts.tc,
             contact_times: ContactTimes::of(system),
@@ -43,7 +43,7 @@ impl Laws {
     pub fn without_particles(&self) -> Self {
         Self {
             restitution: self.restitution.clone(),
-            wall_laws: self.wall_laws.clone(),
+            of_walls: self.of_walls.clone(),
             contact_times: self.contact_times.as_ref().map(|_| ContactTimes::without_particles()),
             ..*self
         }

@@ -32,6 +32,14 @@ impl Surroundings {
     }
 }
 
+impl Surroundings {
+    /// The same for a block, which keeps what walls give in its step.
+    pub fn of_block(&self) -> Self {
+        let wall_sums = self.wall_sums.as_ref().map(|_| Box::new(WallSums::of_block()));
+        Self { walls: self.walls.clone(), wall_sums, ..*self }
+    }
+}
+
 /// Whether a wall can carry grains: it oscillates, and grains bounce on it with losses.
 pub(crate) fn can_carry(system: &System) -> bool {
     let walls = system.walls.len();

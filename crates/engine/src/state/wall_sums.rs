@@ -5,8 +5,8 @@ use glam::DVec3;
 use crate::{
     numerics::{
         error::EngineError,
-        sum::Sum,
-        words::{Words, fault, put_reals, put_sums},
+        exact_sum::ExactSums,
+        words::{Words, fault, put_exact_sums, put_reals, put_sums},
     },
     state::force::{self, Force, Total},
 };
@@ -14,11 +14,10 @@ use crate::{
 /// Sums for one wall since the previous sample.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct WallSum {
-    /// Impulse on the particles by impacts [mass·length/time].
-    pub impulse: Total,
-    /// Energy given to the particles in the frame of the wall: that of thermal reflections, minus the losses
-    /// of impacts \[energy\].
-    pub heat: Sum,
+    /// Impulse on the particles by impacts [mass·length/time], and the energy given to them in the frame of
+    /// the wall: that of thermal reflections, minus the losses of impacts \[energy\]. Exact, so that they do
+    /// not depend on the order in which blocks take events.
+    pub given: ExactSums<4>,
     /// Force on the particles that rest on the wall.
     pub support: Force,
     /// Momentum that the wall had given to the grains that it carries, at the previous sample.
@@ -31,21 +30,47 @@ pub(crate) struct WallSums {
     pub walls: Vec<WallSum>,
     /// Time of the previous sample, if there was one.
     pub sampled_at: Option<f64>,
+    /// Of a block: what walls have given in its step, (wall, impulse and energy). It has no walls.
+    terms: Vec<(u32, [f64; 4])>,
 }
 
 impl WallSums {
     pub fn new(walls: usize) -> Self {
-        Self { walls: vec![WallSum::default(); walls], sampled_at: None }
+        Self { walls: vec![WallSum::default(); walls], sampled_at: None, terms: Vec::new() }
+    }
+
+    /// Those of a block, which keeps the terms of its step.
+    pub fn of_block() -> Self {
+        Self::new(0)
     }
 
     /// Adds an impulse on a particle.
     pub fn add_impulse(&mut self, wall: u32, impulse: DVec3) {
-        force::add(&mut self.walls[wall as usize].impulse, impulse);
+        self.add(wall, [impulse.x, impulse.y, impulse.z, 0.0]);
     }
 
     /// Adds an energy given to a particle in the frame of the wall.
     pub fn add_heat(&mut self, wall: u32, energy: f64) {
-        self.walls[wall as usize].heat.add(energy);
+        self.add(wall, [0.0, 0.0, 0.0, energy]);
+    }
+
+    fn add(&mut self, wall: u32, terms: [f64; 4]) {
+        match self.walls.get_mut(wall as usize) {
+            Some(sum) => sum.given.add(terms),
+            None => self.terms.push((wall, terms)),
+        }
+    }
+
+    /// Adds what a block has noted in its step.
+    pub fn take_from_block(&mut self, block: &mut Self) {
+        for (wall, terms) in block.terms.drain(..) {
+            self.add(wall, terms);
+        }
+    }
+
+    /// Of a block: forgets the terms of its step.
+    pub fn clear(&mut self) {
+        self.terms.clear();
     }
 
     /// Adds the force on a particle by the walls that support it from `time` on, or takes it off (`sign` −1).
@@ -68,8 +93,7 @@ impl WallSums {
         words.push(u64::from(self.sampled_at.is_some()));
         put_reals(words, &[self.sampled_at.unwrap_or(0.0)]);
         for wall in &self.walls {
-            put_sums(words, &wall.impulse);
-            put_sums(words, &[wall.heat]);
+            put_exact_sums(words, &wall.given);
             put_sums(words, &wall.support.total);
             put_sums(words, &wall.support.impulse);
             put_reals(words, &[wall.support.until]);
@@ -82,8 +106,7 @@ impl WallSums {
         let at = words.real()?;
         self.sampled_at = sampled.then_some(at);
         for wall in &mut self.walls {
-            words.sums(&mut wall.impulse)?;
-            wall.heat = words.sum()?;
+            words.exact_sums(&mut wall.given)?;
             words.sums(&mut wall.support.total)?;
             words.sums(&mut wall.support.impulse)?;
             wall.support.until = words.real()?;

@@ -128,7 +128,7 @@ impl World {
             particles: Array::default(),
             images: Array::default(),
             classes: self.classes.clone(),
-            boundary: Surroundings { walls: self.boundary.walls.clone(), wall_sums: None, ..self.boundary },
+            boundary: self.boundary.of_block(),
             laws: self.laws.without_particles(),
             supported: Supported { support: Vec::new(), ..self.supported },
             force: Force::default(),
@@ -207,6 +207,6 @@ impl World {
     /// Law of impact of a class with a wall.
     #[inline]
     pub fn wall_law(&self, class: &ClassData, wall: u32) -> WallLaw {
-        self.laws.wall_laws[class.group * self.boundary.walls.len() + wall as usize]
+        self.laws.of_walls[class.group * self.boundary.walls.len() + wall as usize]
     }
 }

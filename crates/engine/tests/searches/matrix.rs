@@ -7,17 +7,21 @@ use haff_engine::{
 
 use crate::common::features::{SEARCHES, features, table};
 
-/// State and energies after some collisions, and the number of events that blocks have taken.
+/// State, energies and forces on walls after some collisions, and the number of events that blocks have
+/// taken.
 fn run(system: &System, neighbors: NeighborChoice, blocks: Option<u16>) -> Result<(String, u64), String> {
     let options = Options { neighbors, blocks, ..Options::default() };
     let mut simulation = match Simulation::new(system.clone(), options) {
         Err(EngineError::Unsuitable { why, .. }) => return Err(why),
         new => new.unwrap(),
     };
+    simulation.sample();
     simulation.advance(Until { time: 3.0, ..Until::default() }, &mut Silent).unwrap();
     simulation.validate(1e-12).unwrap();
+    let sample = simulation.sample();
+    let walls = (sample.wall_force, sample.wall_heat_flow);
     Ok((
-        format!("{} {:?}", simulation.state_hash(), simulation.ledger().terms),
+        format!("{} {:?} {walls:?}", simulation.state_hash(), simulation.ledger().terms),
         simulation.block_counts().events(),
     ))
 }

@@ -10,7 +10,7 @@ from where they are.
 
 *What to change here.* The check of a new key, in the file of its section.
 
-*May import* all rooms below: `source`, `config`, `model` and `placement`.
+*May import* all rooms below: `source`, `plugins`, `config`, `model` and `placement`.
 
 *Begin with* [`domain`].
 */

@@ -74,7 +74,8 @@ impl Meant {
         }
     }
 
-    /// The path of the key for an unknown one of the table `path`: of another array of tables in the first one.
+    /// The path of the key for an unknown one of the table `path`: of another array of tables in the first
+    /// one.
     pub(crate) fn path(&self, path: &[String]) -> String {
         let (mut table, name) = match self {
             Self::Near(name) | Self::Beside(Key { name, .. }) => (path.to_vec(), name),
@@ -94,8 +95,8 @@ impl Key {
     }
 }
 
-/// What an unknown key of the table `path` may stand for: a name of the field, a key of another table, or a key
-/// of this one with nearly the same name. Positions in an array are no part of the path of a table.
+/// What an unknown key of the table `path` may stand for: a name of the field, a key of another table, or a
+/// key of this one with nearly the same name. Positions in an array are no part of the path of a table.
 pub(crate) fn meant(path: &[String], key: &str, known: &[&str]) -> Vec<Meant> {
     let written = key;
     let key = key.to_lowercase();

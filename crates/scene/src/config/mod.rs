@@ -1,13 +1,14 @@
 /*!
 The scene file as written: its keys, and the JSON Schema that follows from them.
 
-*What is here.* `keys` and [`joints`] have every key with its type and description, `shapes` values of
-several forms. `document` makes the keys of a tree of values, with `--set`, and refuses unknown and
+*What is here.* `keys` (with the folder `keys/` for contacts, walls, particles, measurements and output) and
+[`joints`] have every key with its type and description, `shapes` values of several forms, `named` the names
+that plug-ins add. `document` makes the keys of a tree of values, with `--set`, and refuses unknown and
 [misplaced] ones; `schema` prints them, `templates` are the shipped scenes.
 
-*What to change here.* A new key: its field in `keys`. Nothing is checked here beyond types.
+*What to change here.* A new key: its field in `keys` or `keys/`. Nothing is checked here beyond types.
 
-*May import* `source`.
+*May import* `source` and `plugins`.
 
 *Begin with* [`SceneConfig`].
 

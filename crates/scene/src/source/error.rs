@@ -75,7 +75,7 @@ impl Why {
         Self { code, message: message.into(), allowed: None, meant: Vec::new() }
     }
 
-    /// As somebody else states it, with what is allowed if that is said.
+    /// As a plug-in states it, with what is allowed if that is said.
     pub(crate) fn stated(why: impl Into<String>) -> Self {
         let why = why.into();
         if why.starts_with("must ") { Self::value(why) } else { Self::new(Code::Conflict, why) }
@@ -146,7 +146,7 @@ impl SceneError {
 
     /// The error in one line, in the words of its reader.
     pub fn told(&self, words: Words) -> String {
-        let mut place = match &self.place {
+        let place = match &self.place {
             Place::File { line, .. } => format!("{}:{line}: ", shown(&self.file)),
             Place::Whole => format!("{}: ", shown(&self.file)),
             Place::Override(text) => {
@@ -154,13 +154,14 @@ impl SceneError {
                 format!("{option}{}: ", shown(cut(text, LONGEST_VALUE)))
             }
         };
-        if !self.path.is_empty() && self.set_key() != Some(self.path.as_str()) {
-            place += &shown(&self.path);
-            if let Some(value) = &self.value {
-                place += &format!(" = {}", shown(cut(value, LONGEST_VALUE)));
+        let is_shown = !self.path.is_empty() && self.set_key() != Some(self.path.as_str());
+        let key = match (&self.value, is_shown) {
+            (Some(value), true) => {
+                format!("{} = {}: ", shown(&self.path), shown(cut(value, LONGEST_VALUE)))
             }
-            place += ": ";
-        }
+            (None, true) => format!("{}: ", shown(&self.path)),
+            (_, false) => String::new(),
+        };
         let hint = match (self.code, words) {
             (Code::NotText, Words::Command) => {
                 format!("; if it is the output of a run: haff run --resume {}", shown(&self.file))
@@ -170,7 +171,7 @@ impl SceneError {
             }
             _ => String::new(),
         };
-        place + &shown(&self.message) + &hint
+        place + &key + &shown(&self.message) + &hint
     }
 }
 

@@ -9,11 +9,11 @@ use crate::{
     state::State,
 };
 
-/// A search whose events blocks take in steps. It chooses the steps and keeps their events; [`take_steps`] takes
-/// them by blocks, with wider fronts if that is needed, or leaves them to its queue.
+/// A search whose events blocks take in steps. It chooses the steps and keeps their events; [`take_steps`]
+/// takes them by blocks, with wider fronts if that is needed, or leaves them to its queue.
 pub(crate) trait Stepping {
-    /// Chooses the next step and collects its events. `None` if there are no more steps: all events are then in
-    /// the queue.
+    /// Chooses the next step and collects its events. `None` if there are no more steps: all events are
+    /// then in the queue.
     fn begin_step(&mut self, state: &mut State, limit: &Limit) -> Option<NextStep>;
 
     /// Takes the events of the step by blocks with these fronts. If it is not taken, it has been undone.

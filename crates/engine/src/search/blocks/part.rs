@@ -159,6 +159,9 @@ impl<E> Part<E> {
     pub fn clear(&mut self) {
         self.state.accumulators = Accumulators::default();
         self.state.pending.clear();
+        if let Some(sums) = &mut self.state.world.boundary.wall_sums {
+            sums.clear();
+        }
         self.state.world.supported.resting = 0;
         self.state.world.resolution.longest_flight = 0.0;
         self.left.clear();

@@ -84,9 +84,7 @@ impl Settings {
 /// # Errors
 /// Why one thread takes all events.
 pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
-    if world.boundary.wall_sums.is_some() {
-        Err("forces on walls are measured")
-    } else if world.boundary.shear.is_some() {
+    if world.boundary.shear.is_some() {
         Err("the box is sheared")
     } else if world.supported.resting != 0 || world.boundary.carries {
         Err("grains rest on walls, or walls carry them")
@@ -264,6 +262,10 @@ pub(crate) fn end_step<B: Block>(
     for block in &mut *blocks {
         let part = block.part();
         state.accumulators.merge(&mut part.state.accumulators);
+        let sums = (&mut state.world.boundary.wall_sums, &mut part.state.world.boundary.wall_sums);
+        if let (Some(sums), Some(of_block)) = sums {
+            sums.take_from_block(of_block);
+        }
         state.world.resolution.longest_flight =
             state.world.resolution.longest_flight.max(part.state.world.resolution.longest_flight);
         times.append(&mut part.times);

@@ -2,8 +2,8 @@
 The scheduler with neighbor lists, for dense systems.
 
 Like [`CalendarScheduler`](crate::search::calendar_scheduler::CalendarScheduler), it keeps for every particle
-its earliest event. It differs in two points. The lists contain no periodic images ([`neighbor_lists`]). Most members
-of a list are rejected in single precision, eight at a time ([`filter`]), from [compact
+its earliest event. It differs in two points. The lists contain no periodic images ([`neighbor_lists`]).
+Most members of a list are rejected in single precision, eight at a time ([`filter`]), from [compact
 particles](crate::search::compact): only the pairs that can touch before the earliest event known so far are
 predicted exactly ([`narrow_phase`]).
 

@@ -17,8 +17,8 @@ use super::Entry;
 /// The steps of a run with lists.
 pub(super) struct Steps<F> {
     pub settings: Settings,
-    /// Entries after [`ListSearch::horizon`], besides those in the queue, for each block; and those that have not
-    /// been added yet.
+    /// Entries after [`ListSearch::horizon`], besides those in the queue, for each block; and those that
+    /// have not been added yet.
     pub calendars: Vec<Ladder<Entry>>,
     pub incoming: Vec<Vec<Entry>>,
     /// The entries of the present step, in all and of each calendar.
