@@ -9,7 +9,7 @@ use crate::{
     laws::{
         contact::{add_impact, check_velocity, touch},
         pair_law::{self, PairContact},
-        rough,
+        rough::{self, RoughPair},
         series::{end_of_bounces_early, keep_support},
         sheared,
     },
@@ -37,7 +37,7 @@ pub(crate) struct PairImpact {
     impact: Impact,
 }
 
-/// The impact of two particles at `time`: a function of their anchors.
+/// The impact of two particles at `time`: a function of their anchors. `rough` is for [`apply`].
 ///
 /// # Errors
 /// An overlap that is more than rounding, or a velocity that is not finite.
@@ -46,12 +46,13 @@ pub(crate) fn collide<F: Features>(
     world: &World,
     bodies: [u32; 2],
     time: i64,
+    rough: &mut RoughPair,
 ) -> Result<PairImpact, EngineError> {
     let (contact, [ri, rj]) = touch::<F>(world, bodies, time)?;
     let PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], distance, n, .. } = contact;
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
     let [ui, mut uj] = if !F::ELASTIC && world.spin.is_some() {
-        rough::velocities::<F>(world, [i, j], time)
+        rough::velocities::<F>(world, [i, j], time, rough)
     } else {
         [ui, uj]
     };
@@ -88,8 +89,9 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
         end_of_bounces_early::<EVENTS>(state, i.min(j), time, observer);
         end_of_bounces_early::<EVENTS>(state, i.max(j), time, observer);
     }
-    let impact = collide::<F>(&state.world, [i, j], time)?;
-    apply::<F, EVENTS>(state, &impact, time, observer);
+    let mut rough = None;
+    let impact = collide::<F>(&state.world, [i, j], time, &mut rough)?;
+    apply::<F, EVENTS>(state, &impact, &rough, time, observer);
     Ok(())
 }
 
@@ -98,13 +100,14 @@ pub(crate) fn collision<F: Features, const EVENTS: bool>(
 pub(crate) fn apply<F: Features, const EVENTS: bool>(
     state: &mut State,
     impact: &PairImpact,
+    rough: &RoughPair,
     time: i64,
     observer: &mut dyn Observer,
 ) {
     let &PairImpact { bodies: [i, j], classes: [a, b], positions, before, after, n, distance, .. } = impact;
     let impact = impact.impact;
     let tangential = if !F::ELASTIC && state.world.spin.is_some() {
-        Some(rough::apply_pair::<F>(state, [i, j], time))
+        Some(rough::apply_pair(state, rough, time))
     } else {
         None
     };

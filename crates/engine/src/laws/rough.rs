@@ -88,24 +88,37 @@ fn pair<F: Features>(
     Some((tangential, [ui + change_i, uj + change_j], contact))
 }
 
-/// The velocities of two particles after their impact at `time`.
+/// The tangential part of an impact of two particles, from its computation to its effect: only rough impacts
+/// fill it.
+pub(crate) type RoughPair = Option<(Tangential, PairContact)>;
+
+/// The velocities of two particles after their impact at `time`; fills `rough`.
 ///
-/// Here and in [`apply_pair`] the impact is computed from the anchors once more: kept in registers for this
-/// call, its parts cost smooth particles 1 to 2 % of all instructions.
+/// The impact is computed from the anchors once more: kept in registers for this call, its parts cost smooth
+/// particles 1 to 2 % of all instructions.
 #[cold]
 #[inline(never)]
-pub(crate) fn velocities<F: Features>(world: &World, bodies: [u32; 2], time: i64) -> [DVec3; 2] {
+pub(crate) fn velocities<F: Features>(
+    world: &World,
+    bodies: [u32; 2],
+    time: i64,
+    rough: &mut RoughPair,
+) -> [DVec3; 2] {
     // The contact has been checked.
-    pair::<F>(world, bodies, time).map(|(_, velocities, _)| velocities).unwrap_or_default()
+    let Some((tangential, velocities, contact)) = pair::<F>(world, bodies, time) else {
+        return Default::default();
+    };
+    *rough = Some((tangential, contact));
+    velocities
 }
 
 /// Sets the spins of two particles after their impact at `time`, and adds its tangential energies and
 /// impulse. Their anchors are still those before the impact.
 #[cold]
 #[inline(never)]
-pub(crate) fn apply_pair<F: Features>(state: &mut State, bodies: [u32; 2], time: i64) -> Tangential {
+pub(crate) fn apply_pair(state: &mut State, rough: &RoughPair, time: i64) -> Tangential {
     let State { world, accumulators, .. } = state;
-    let Some((tangential, _, contact)) = pair::<F>(world, bodies, time) else { return Tangential::default() };
+    let &Some((tangential, contact)) = rough else { return Tangential::default() };
     let PairContact { bodies, classes, velocities, .. } = contact;
     if let Some(spins) = &mut world.spin {
         for k in 0..2 {
@@ -143,7 +156,11 @@ fn on_wall<F: Features>(
     Some((tangential, change, contact))
 }
 
-/// The velocity of a particle after its impact on a wall, (i, wall, time), from that after its normal part.
+/// As [`RoughPair`] for an impact on a wall.
+pub(crate) type RoughWall = Option<(Tangential, WallContact)>;
+
+/// The velocity of a particle after its impact on a wall, (i, wall, time), from that after its normal part;
+/// fills `rough`.
 #[cold]
 #[inline(never)]
 pub(crate) fn wall_velocity<F: Features>(
@@ -151,20 +168,22 @@ pub(crate) fn wall_velocity<F: Features>(
     event: (u32, u32, i64),
     after: DVec3,
     normal: f64,
+    rough: &mut RoughWall,
 ) -> DVec3 {
-    after + on_wall::<F>(world, event, normal).map(|(_, change, _)| change).unwrap_or_default()
+    // The contact has been checked.
+    let Some((tangential, change, contact)) = on_wall::<F>(world, event, normal) else { return after };
+    *rough = Some((tangential, contact));
+    after + change
 }
 
-/// Sets the spin of a particle after its impact on a wall, (i, wall, time), and adds its tangential energies
-/// and impulse. Its anchor is still that before the impact.
+/// Sets the spin of a particle after its impact on a wall, and adds its tangential energies and impulse. Its
+/// anchor is still that before the impact.
 #[cold]
 #[inline(never)]
-pub(crate) fn apply_wall<F: Features>(state: &mut State, event: (u32, u32, i64), normal: f64) -> Tangential {
+pub(crate) fn apply_wall(state: &mut State, rough: &RoughWall) -> Tangential {
     let State { world, accumulators, .. } = state;
-    let Some((tangential, _, contact)) = on_wall::<F>(world, event, normal) else {
-        return Tangential::default();
-    };
-    let (i, wall, time) = event;
+    let &Some((tangential, contact)) = rough else { return Tangential::default() };
+    let WallContact { i, wall, time, .. } = contact;
     let now = world.clock.shown(time);
     world.set_spin(i, tangential.spins[0]);
     tangential.add_losses(accumulators, now);

@@ -9,7 +9,8 @@ use crate::{
         contact::{add_impact, check_velocity},
         hop,
         pair_law::{coefficient, impact_with_separation},
-        resting, rough,
+        resting,
+        rough::{self, RoughWall},
         series::{come_to_rest, end_of_bounces_early, keep_support, keep_supporting_walls},
         slide,
         wall_contact::{WallContact, touch_wall},
@@ -33,8 +34,9 @@ pub(crate) fn wall<F: Features, const EVENTS: bool>(
     if F::GRAVITY {
         end_of_bounces_early::<EVENTS>(state, i, time, observer);
     }
-    let (contact, outcome) = collide_with_wall::<F>(&state.world, i, wall, time)?;
-    apply_wall::<F, EVENTS>(state, &contact, &outcome, observer);
+    let mut rough = None;
+    let (contact, outcome) = collide_with_wall::<F>(&state.world, i, wall, time, &mut rough)?;
+    apply_wall::<F, EVENTS>(state, &contact, &outcome, &rough, observer);
     Ok(())
 }
 
@@ -44,17 +46,18 @@ pub(crate) fn apply_wall<F: Features, const EVENTS: bool>(
     state: &mut State,
     contact: &WallContact,
     outcome: &WallOutcome,
+    rough: &RoughWall,
     observer: &mut dyn Observer,
 ) {
     match outcome {
-        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, contact, bounce, observer),
+        WallOutcome::Bounce(bounce) => apply_bounce::<F, EVENTS>(state, contact, bounce, rough, observer),
         WallOutcome::Reflection { velocity, spin } => {
             reflect::<EVENTS>(state, contact, (*velocity, *spin), Term::WallHeat, observer);
         }
     }
 }
 
-/// The impact of particle i on a wall at `time`: a function of its anchor.
+/// The impact of particle i on a wall at `time`: a function of its anchor. `rough` is for [`apply_wall`].
 ///
 /// # Errors
 /// An overlap that is more than rounding, or a velocity that is not finite.
@@ -64,12 +67,13 @@ pub(crate) fn collide_with_wall<F: Features>(
     i: u32,
     wall: u32,
     time: i64,
+    rough: &mut RoughWall,
 ) -> Result<(WallContact, WallOutcome), EngineError> {
     let contact = touch_wall::<F>(world, i, wall, time)?;
     let WallContact { n, wall_velocity, .. } = contact;
     let class = *world.class(i);
     let outcome = match world.wall_law(&class, wall) {
-        WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law)),
+        WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law, rough)),
         WallLaw::Thermal(law) => {
             let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
             match law.velocity(draw, class.mass, n, world.dimension) {
@@ -80,7 +84,7 @@ pub(crate) fn collide_with_wall<F: Features>(
                     });
                     WallOutcome::Reflection { velocity: wall_velocity + relative, spin }
                 }
-                None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution)),
+                None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution, rough)),
             }
         }
     };
@@ -122,7 +126,12 @@ pub(crate) struct WallBounce {
 
 /// The impact of a particle on a wall by a law of restitution.
 #[inline(always)]
-fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -> WallBounce {
+fn bounce<F: Features>(
+    world: &World,
+    contact: &WallContact,
+    law: Restitution,
+    rough: &mut RoughWall,
+) -> WallBounce {
     let &WallContact { i, wall, time, velocity, n, wall_velocity, .. } = contact;
     let class = world.class(i);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
@@ -147,7 +156,7 @@ fn bounce<F: Features>(world: &World, contact: &WallContact, law: Restitution) -
         resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
     };
     let after = if !F::ELASTIC && world.spin.is_some() {
-        rough::wall_velocity::<F>(world, (i, wall, time), after, impact.impulse)
+        rough::wall_velocity::<F>(world, (i, wall, time), after, impact.impulse, rough)
     } else {
         after
     };
@@ -206,15 +215,13 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     state: &mut State,
     contact: &WallContact,
     bounce: &WallBounce,
+    rough: &RoughWall,
     observer: &mut dyn Observer,
 ) {
     let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
     let &WallBounce { law, after, impact, repeated } = bounce;
-    let tangential = if !F::ELASTIC && state.world.spin.is_some() {
-        Some(rough::apply_wall::<F>(state, (i, wall, time), impact.impulse))
-    } else {
-        None
-    };
+    let tangential =
+        if !F::ELASTIC && state.world.spin.is_some() { Some(rough::apply_wall(state, rough)) } else { None };
     if F::GRAVITY {
         flights::end(state, i, time);
     }

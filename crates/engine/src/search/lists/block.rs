@@ -165,7 +165,8 @@ impl<F: Features> ListBlock<F> {
         if !self.is_known(&places, time) {
             return self.part.leave(step, entry, &places, time);
         }
-        let Ok(impact) = resolve::collide::<F>(&self.part.state.world, [i, j], entry.time) else {
+        let mut rough = None;
+        let Ok(impact) = resolve::collide::<F>(&self.part.state.world, [i, j], entry.time, &mut rough) else {
             return false;
         };
         let frame = &self.predictor.plan.frame;
@@ -181,7 +182,7 @@ impl<F: Features> ListBlock<F> {
             self.part.save(step, body);
         }
         self.part.start_event::<F, _, EVENTS>(&entry);
-        resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, entry.time, &mut self.part.rows);
+        resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, &rough, entry.time, &mut self.part.rows);
         for body in bodies {
             self.part.wrap(body);
         }
@@ -216,8 +217,9 @@ impl<F: Features> ListBlock<F> {
         if !self.is_known(&places, time) {
             return self.part.leave(step, entry, &places, time);
         }
+        let mut rough = None;
         let Ok((contact, outcome)) =
-            wall_impact::collide_with_wall::<F>(&self.part.state.world, i, wall, entry.time)
+            wall_impact::collide_with_wall::<F>(&self.part.state.world, i, wall, entry.time, &mut rough)
         else {
             return false;
         };
@@ -230,7 +232,13 @@ impl<F: Features> ListBlock<F> {
         }
         self.part.save(step, i);
         self.part.start_event::<F, _, EVENTS>(&entry);
-        wall_impact::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
+        wall_impact::apply_wall::<F, EVENTS>(
+            &mut self.part.state,
+            &contact,
+            &outcome,
+            &rough,
+            &mut self.part.rows,
+        );
         self.part.wrap(i);
         if self.has_resting() {
             return false;

@@ -128,7 +128,8 @@ impl<F: Features> WindowBlock<F> {
         if !self.is_known(present, &places, time) {
             return self.part.leave(step, event, &places, time);
         }
-        let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time) else { return false };
+        let mut rough = None;
+        let Ok(impact) = resolve::collide::<F>(world, [i, j], entry.time, &mut rough) else { return false };
         for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
             // In the order of the indices.
             let k = if i < j { k } else { 1 - k };
@@ -146,7 +147,7 @@ impl<F: Features> WindowBlock<F> {
             self.worker.space.particles[place.slot].note_path();
         }
         self.part.start_event::<F, _, EVENTS>(&entry);
-        resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, entry.time, &mut self.part.rows);
+        resolve::apply::<F, EVENTS>(&mut self.part.state, &impact, &rough, entry.time, &mut self.part.rows);
         self.part.wrap(i);
         self.part.wrap(j);
         if self.has_resting() {
@@ -180,7 +181,10 @@ impl<F: Features> WindowBlock<F> {
         if !self.is_known(present, &places, time) {
             return self.part.leave(step, event, &places, time);
         }
-        let Ok((contact, outcome)) = wall_impact::collide_with_wall::<F>(world, i, wall, entry.time) else {
+        let mut rough = None;
+        let Ok((contact, outcome)) =
+            wall_impact::collide_with_wall::<F>(world, i, wall, entry.time, &mut rough)
+        else {
             return false;
         };
         let after = (contact.position, outcome.velocity());
@@ -195,7 +199,13 @@ impl<F: Features> WindowBlock<F> {
         self.part.save(step, i);
         self.worker.space.particles[places[0].slot].note_path();
         self.part.start_event::<F, _, EVENTS>(&entry);
-        wall_impact::apply_wall::<F, EVENTS>(&mut self.part.state, &contact, &outcome, &mut self.part.rows);
+        wall_impact::apply_wall::<F, EVENTS>(
+            &mut self.part.state,
+            &contact,
+            &outcome,
+            &rough,
+            &mut self.part.rows,
+        );
         self.part.wrap(i);
         !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.part.state.world, [i])
     }
