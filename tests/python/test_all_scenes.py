@@ -153,12 +153,23 @@ def test_runs_from_states_and_runs_that_went_on_are_read_by_everything(command, 
     haff.save_scene(start, tmp_path / "start.toml")
     command("run", tmp_path / "start.toml", "-o", third)
     assert "energy" in read(third, tmp_path)
+    # The same in a box of twice the size.
+    with haff.open(first) as run:
+        size, positions, radii = run.box.size[: run.dimension], run.frames[-2].position, run.radius
+    large = start | {"domain": {k: v for k, v in start["domain"].items() if k not in ("size", "packing_fraction")}}
+    large["species"] = [one | {"radius": 2 * one["radius"]} for one in start["species"]]
+    large["initial"] = {"positions": start["initial"]["positions"] | {"scale_to": (2 * size).tolist()}}
+    haff.save_scene(large, tmp_path / "large.toml")
+    command("run", tmp_path / "large.toml", "-o", third, "--overwrite")
+    with haff.open(third) as run:
+        assert np.array_equal(run.frames[0].position, 2 * positions) and np.array_equal(run.radius, 2 * radii)
+    assert "energy" in read(third, tmp_path)
 
 
 def test_scenes_of_these_tests_have_every_form_of_every_key():
     allowed = forms.forms_of(haff.schema())
     scenes = [tomllib.loads(path.read_text()) for path in SHIPPED]
-    state = {"initial": {"positions": {"file": "first.h5", "index": -2}}}
+    state = {"initial": {"positions": {"file": "first.h5", "index": -2, "scale_to": [9.0, 9.0, 9.0]}}}
     off = {"output": {"file": False}}
     found = {form for scene in [*scenes, *forms.SCENES.values(), state, off] for form in forms.forms_in(scene, allowed)}
     assert found <= allowed, f"not in the schema: {sorted(found - allowed)}"

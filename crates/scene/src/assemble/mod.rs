@@ -27,6 +27,7 @@ mod particles;
 mod partition;
 mod placement;
 mod plan;
+mod scaling;
 mod shear;
 mod sizes;
 mod spin;

@@ -40,6 +40,10 @@ impl Assembler<'_> {
             self.unreadable = true;
             Refused
         })?;
+        let state = match &file.scale_to {
+            Some(to) => self.scaled(state, to)?,
+            None => state,
+        };
         let n = state.position.len();
         let tolerance = TOLERANCE.max(state.precision);
         let dimension = self.dimension;

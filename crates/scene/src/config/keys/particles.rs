@@ -152,6 +152,11 @@ pub struct FileConfig {
     /// Which frame; from the end if negative. Default −1, the last.
     #[serde(deserialize_with = "whole")]
     pub index: Option<i64>,
+    /// Edge lengths to which the box of the file is scaled [length], one per dimension: positions and radii
+    /// are multiplied by their ratio, the same along all axes, velocities stay, and masses are those of the
+    /// scene.
+    #[schemars(length(min = 2, max = 3), inner(range(min = 0.0)))]
+    pub scale_to: Option<Vec<f64>>,
 }
 
 /// A particle placed by hand.
