@@ -4,12 +4,10 @@
 //! by the simulation always passes.
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Dimension, Instant, Sum};
+use haff_engine::{Checkpoint, Counters, Dimension, Instant, Sum};
 
 use crate::{error::LinkageError, mechanism::Link, model::Tether, simulation::Simulation, world::World};
 
-/// Largest counter: 146 years of 10⁹ events a second.
-const MOST: u64 = 1 << 62;
 /// Largest coordinate and velocity: their squares must be finite. Scenes allow 1e50.
 const FARTHEST: f64 = 1e150;
 /// Largest relative deviation of lengths of strings and rods, of contact distances and of the energy balance.
@@ -51,7 +49,9 @@ fn instant(name: &str, at: Instant, [from, to]: [Instant; 2]) -> Result<(), Link
 /// Checks the count of events without progress of time.
 pub(crate) fn stall((since, events): (Instant, u64), now: Instant) -> Result<(), LinkageError> {
     instant("stall.since", since, [Instant::ZERO, now])?;
-    require(events <= MOST, || format!("stall.events = {events} must be at most {MOST}"))
+    require(events <= Counters::MOST, || {
+        format!("stall.events = {events} must be at most {}", Counters::MOST)
+    })
 }
 
 /// Checks the arrays: their lengths, and each value. Those used only by the granular engine are zero.
@@ -172,8 +172,8 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
         let name = format!("burst of {link:?}");
         instant(&format!("{name}, at"), burst.at, [Instant::ZERO, now])?;
         at_least_zero(&format!("{name}, speed"), burst.speed)?;
-        require(burst.impacts <= MOST, || {
-            format!("{name}, impacts = {} must be at most {MOST}", burst.impacts)
+        require(burst.impacts <= Counters::MOST, || {
+            format!("{name}, impacts = {} must be at most {}", burst.impacts, Counters::MOST)
         })?;
     }
     accumulators(world, time)
@@ -181,27 +181,10 @@ pub(crate) fn state(world: &World, time: f64) -> Result<(), LinkageError> {
 
 fn accumulators(world: &World, time: f64) -> Result<(), LinkageError> {
     let accumulators = &world.accumulators;
-    let counters = accumulators.counters;
-    for (name, count) in [
-        ("collisions", counters.collisions),
-        ("wall_collisions", counters.wall_collisions),
-        ("rests", counters.rests),
-        ("predictions", counters.predictions),
-    ] {
-        require(count <= MOST, || format!("{name} = {count} must be at most {MOST}"))?;
-    }
-    let (sampled, collisions) = (accumulators.sampled_collisions, counters.collisions);
-    require(sampled == u64::MAX || sampled <= collisions, || {
-        format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
-    })?;
-    let fixed = counters.fixed_collisions;
-    require(fixed <= collisions, || {
-        format!("fixed_collisions = {fixed} must be at most {collisions}, the collisions so far")
-    })?;
-    let (sampled, flights) = (accumulators.sampled_flights, counters.ended_flights());
-    require(sampled <= flights, || {
-        format!("sampled_flights = {sampled} must be at most {flights}, those that collisions have ended")
-    })?;
+    accumulators
+        .counters
+        .check(accumulators.sampled_collisions, accumulators.sampled_flights)
+        .map_err(LinkageError::Checkpoint)?;
     let at = accumulators.sampled_at;
     require(0.0 <= at && at <= time * (1.0 + 16.0 * f64::EPSILON), || {
         format!("sampled_at = {at} must be in [0, {time}]")

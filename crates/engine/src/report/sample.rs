@@ -111,6 +111,46 @@ impl Counters {
     pub fn ended_flights(&self) -> u64 {
         self.collisions.saturating_mul(2).saturating_sub(self.fixed_collisions)
     }
+
+    /// Largest value of a counter: 146 years of 10⁹ events a second.
+    pub const MOST: u64 = 1 << 62;
+
+    /// Checks counters of a checkpoint, with the collisions and the ended flights at its last sample.
+    ///
+    /// # Errors
+    /// The first counter that no run can have, and what is allowed.
+    pub fn check(&self, sampled_collisions: u64, sampled_flights: u64) -> Result<(), String> {
+        let all = [
+            ("collisions", self.collisions),
+            ("wall_collisions", self.wall_collisions),
+            ("rests", self.rests),
+            ("wakes", self.wakes),
+            ("predictions", self.predictions),
+            ("dropped", self.dropped),
+            ("stale", self.stale),
+            ("transfers", self.transfers),
+            ("candidates", self.candidates),
+            ("windows", self.windows),
+        ];
+        if let Some((name, count)) = all.into_iter().find(|(_, count)| *count > Self::MOST) {
+            return Err(format!("{name} = {count} must be at most {}", Self::MOST));
+        }
+        let (collisions, fixed, flights) = (self.collisions, self.fixed_collisions, self.ended_flights());
+        let so_far = "the collisions so far";
+        if sampled_collisions != u64::MAX && sampled_collisions > collisions {
+            return Err(format!(
+                "sampled_collisions = {sampled_collisions} must be at most {collisions}, {so_far}"
+            ));
+        }
+        if fixed > collisions {
+            return Err(format!("fixed_collisions = {fixed} must be at most {collisions}, {so_far}"));
+        }
+        if sampled_flights > flights {
+            let text = "those that collisions have ended";
+            return Err(format!("sampled_flights = {sampled_flights} must be at most {flights}, {text}"));
+        }
+        Ok(())
+    }
 }
 
 /// How several threads have taken events since the start of the simulation or its continuation. Unlike

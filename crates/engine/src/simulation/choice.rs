@@ -129,9 +129,14 @@ impl Choice {
         changed
     }
 
+    /// The state for which the choice was made.
+    pub fn case<'a>(&'a self, system: &'a System, world: &'a World) -> Case<'a> {
+        Case { system, summary: &self.summary, density: &self.density, world }
+    }
+
     /// Writes to the log what has been chosen, and which searches cannot run the state.
     pub fn log(&self, system: &System, world: &World) {
-        let case = Case { system, summary: &self.summary, density: &self.density, world };
+        let case = self.case(system, world);
         let possible = |search: Search| match search.can_run(&case) {
             Ok(()) => "possible".to_owned(),
             Err(reason) => reason.text.into_owned(),

@@ -4,12 +4,7 @@ use super::choice::Choice;
 use crate::{
     model::{Options, System},
     numerics::error::EngineError,
-    search::{
-        batch::Kernel,
-        case::Case,
-        matrix::Search,
-        summary::{LocalDensity, SystemSummary},
-    },
+    search::{batch::Kernel, matrix::Search},
     state::world::World,
 };
 
@@ -35,10 +30,8 @@ pub struct SearchSupport {
 pub fn searches(system: &System, options: Options) -> Result<Vec<SearchSupport>, EngineError> {
     let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
     let world = World::new(system, 0);
-    let summary = SystemSummary::of(system, &world);
-    let density = LocalDensity::of(system, &summary, &world);
-    let case = Case { system, summary: &summary, density: &density, world: &world };
-    let chosen = Choice::new(Options::default(), kernel, system, &world)?.search();
+    let choice = Choice::new(Options::default(), kernel, system, &world)?;
+    let (chosen, case) = (choice.search(), choice.case(system, &world));
     let support = |search: Search| SearchSupport {
         name: search.name(),
         choice: search.choice().name(),

@@ -15,14 +15,12 @@ use crate::{
         instant::Instant,
         sum::Sum,
     },
-    report::Checkpoint,
+    report::{Checkpoint, Counters},
     simulation::run::open_axes,
     state::{Pending, State, accumulators::Accumulators, slide::Slide, world::World},
     support::{geometry::geometry, overlap},
 };
 
-/// Largest value of a counter: 146 years at 10⁹ events per second.
-const MAX_COUNT: u64 = 1 << 62;
 /// Largest coordinate and velocity: their squares must be finite. Scenes allow up to 1e50.
 const MAX_MAGNITUDE: f64 = 1e150;
 /// Least distance of an image number from the limits of its type, so that a run can continue.
@@ -92,7 +90,7 @@ fn tolerance(clock: &Clock, time: f64) -> f64 {
 }
 
 fn count(name: &str, count: u64) -> Result<(), EngineError> {
-    require(count <= MAX_COUNT, || format!("{name} = {count} must be at most {MAX_COUNT}"))
+    require(count <= Counters::MOST, || format!("{name} = {count} must be at most {}", Counters::MOST))
 }
 
 /// Checks the values of each particle against the scene and the present tick of `world`.
@@ -228,33 +226,10 @@ pub(crate) fn accumulators(
     clock: &Clock,
     time: f64,
 ) -> Result<(), EngineError> {
-    let counters = &accumulators.counters;
-    for (name, number) in [
-        ("collisions", counters.collisions),
-        ("wall_collisions", counters.wall_collisions),
-        ("rests", counters.rests),
-        ("wakes", counters.wakes),
-        ("predictions", counters.predictions),
-        ("dropped", counters.dropped),
-        ("stale", counters.stale),
-        ("transfers", counters.transfers),
-        ("candidates", counters.candidates),
-        ("windows", counters.windows),
-    ] {
-        count(name, number)?;
-    }
-    let (sampled, collisions) = (accumulators.sampled_collisions, counters.collisions);
-    require(sampled == u64::MAX || sampled <= collisions, || {
-        format!("sampled_collisions = {sampled} must be at most {collisions}, the collisions so far")
-    })?;
-    let fixed = counters.fixed_collisions;
-    require(fixed <= collisions, || {
-        format!("fixed_collisions = {fixed} must be at most {collisions}, the collisions so far")
-    })?;
-    let (sampled, flights) = (accumulators.sampled_flights, counters.ended_flights());
-    require(sampled <= flights, || {
-        format!("sampled_flights = {sampled} must be at most {flights}, those that collisions have ended")
-    })?;
+    accumulators
+        .counters
+        .check(accumulators.sampled_collisions, accumulators.sampled_flights)
+        .map_err(EngineError::Checkpoint)?;
     let [kinetic, potential] = accumulators.initial_energy;
     at_least_zero("initial_kinetic", kinetic)?;
     finite("initial_potential", potential)?;
@@ -305,8 +280,8 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         require(since <= now, || format!("settling.counted_since = {since} must be at most {now} ticks"))?;
         count("settling.waited", settling.waited)?;
         count("settling.recent_contacts", settling.recent_contacts)?;
-        require(settling.events == u64::MAX || settling.events <= MAX_COUNT, || {
-            format!("settling.events = {} must be at most {MAX_COUNT}", settling.events)
+        require(settling.events == u64::MAX || settling.events <= Counters::MOST, || {
+            format!("settling.events = {} must be at most {}", settling.events, Counters::MOST)
         })?;
     }
     let stall = &state.stall;
