@@ -76,7 +76,10 @@ impl WallSums {
     /// Adds the force on a particle by the walls that support it from `time` on, or takes it off (`sign` −1).
     pub fn change_support(&mut self, shares: impl Iterator<Item = (u16, DVec3)>, sign: f64, time: f64) {
         for (wall, share) in shares {
-            self.walls[usize::from(wall)].support.change(sign * share, time);
+            // A step of blocks in which a particle comes to rest is undone.
+            if let Some(sum) = self.walls.get_mut(usize::from(wall)) {
+                sum.support.change(sign * share, time);
+            }
         }
     }
 

@@ -33,7 +33,7 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 46] = [
+pub const FORMER: [Recipe; 47] = [
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
@@ -626,6 +626,20 @@ pub const FORMER: [Recipe; 46] = [
         at_kick: true,
         changed: true,
         seed: 3_512_456_328_568_268_636,
+        ..PLAIN
+    },
+    // A grain that comes to rest in a block, beside measured forces on walls: a block has no walls to note its
+    // support for, and its step is undone.
+    Recipe {
+        boundary: [1, 0, 1],
+        particles: 4,
+        species: 2,
+        restitution: 2,
+        gravity: true,
+        tc: true,
+        measure: true,
+        huge: true,
+        seed: 46_612_318_866_018_574,
         ..PLAIN
     },
 ];
