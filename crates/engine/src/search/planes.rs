@@ -31,8 +31,9 @@ struct FilteredPlane {
     reference_time: f64,
     /// Mean velocity along the normal [length/time].
     speed: f64,
-    /// Particles are on both sides.
-    two_sided: bool,
+    /// Of a wall with particles on both sides: how far the farthest place of the wall to the other side is
+    /// behind `offset` [length].
+    swing: Option<f64>,
 }
 
 impl Planes {
@@ -44,7 +45,7 @@ impl Planes {
                 offset: wall.point.dot(wall.normal) + amplitude,
                 reference_time: wall.motion.reference_time(),
                 speed,
-                two_sided: matches!(wall.shape, Some(Shape::Partition(_))),
+                swing: matches!(wall.shape, Some(Shape::Partition(_))).then_some(2.0 * amplitude),
             }
         });
         let extent = world
@@ -75,8 +76,10 @@ impl Planes {
                 - plane.speed * (time - plane.reference_time);
             let rate = plane.normal.dot(anchor.velocity) - plane.speed;
             let pull = plane.normal.dot(acceleration);
-            let behind = plane.two_sided && height < 0.0;
-            let (height, rate, pull) = if behind { (-height, -rate, -pull) } else { (height, rate, pull) };
+            let (height, rate, pull) = match plane.swing {
+                Some(swing) if height < 0.0 => (-height - swing, -rate, -pull),
+                _ => (height, rate, pull),
+            };
             let distance = height - radius;
             // Not larger than the smallest distance: an acceleration away from the wall is left out.
             let approach = rate.min(0.0) + 0.5 * pull.min(0.0) * duration;

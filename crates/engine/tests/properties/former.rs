@@ -33,7 +33,7 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 47] = [
+pub const FORMER: [Recipe; 48] = [
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
@@ -640,6 +640,21 @@ pub const FORMER: [Recipe; 47] = [
         measure: true,
         huge: true,
         seed: 46_612_318_866_018_574,
+        ..PLAIN
+    },
+    // A partition that oscillates: lists took its place farthest to one side for particles on the other, too.
+    Recipe {
+        flat: true,
+        boundary: [2, 2, 0],
+        particles: 13,
+        restitution: 1,
+        ramp: 3,
+        tc: true,
+        thermal: true,
+        partition: true,
+        corner: true,
+        at_kick: true,
+        seed: 5_815_434_239_103_406_023,
         ..PLAIN
     },
 ];
