@@ -628,8 +628,8 @@ pub const FORMER: [Recipe; 48] = [
         seed: 3_512_456_328_568_268_636,
         ..PLAIN
     },
-    // A grain that comes to rest in a block, beside measured forces on walls: a block has no walls to note its
-    // support for, and its step is undone.
+    // A grain that comes to rest in a block, beside measured forces on walls: a block has no walls to note
+    // its support for, and its step is undone.
     Recipe {
         boundary: [1, 0, 1],
         particles: 4,
@@ -642,7 +642,8 @@ pub const FORMER: [Recipe; 48] = [
         seed: 46_612_318_866_018_574,
         ..PLAIN
     },
-    // A partition that oscillates: lists took its place farthest to one side for particles on the other, too.
+    // A partition that oscillates: lists took its place farthest to one side for particles on the other one,
+    // too.
     Recipe {
         flat: true,
         boundary: [2, 2, 0],

@@ -34,8 +34,9 @@ impl Assembler<'_> {
             factors[axis] = to[axis] / size[axis];
         }
         let factor = factors[0];
-        let differs = |axis: usize| !((factors[axis] / factor - 1.0).abs() <= TOLERANCE.max(state.precision));
-        if (1..d).any(differs) || !factor.is_finite() {
+        let most = TOLERANCE.max(state.precision);
+        let agrees = |axis: usize| (factors[axis] / factor - 1.0).abs() <= most;
+        if !(1..d).all(agrees) || !factor.is_finite() {
             let edges: Vec<String> = (0..d).map(|axis| size[axis].to_string()).collect();
             let message =
                 format!("must be the edges of the box of the file, [{}], times one factor", edges.join(", "));
@@ -47,10 +48,16 @@ impl Assembler<'_> {
                 size[axis] = length;
             }
         }
-        state.position.iter_mut().for_each(|position| *position *= factors);
-        state.radius.iter_mut().for_each(|radius| *radius *= factor);
+        for position in &mut state.position {
+            *position *= factors;
+        }
+        for radius in &mut state.radius {
+            *radius *= factor;
+        }
         if let Some(edges) = &mut state.sheared_edges {
-            edges.iter_mut().for_each(|edge| *edge *= factors);
+            for edge in edges {
+                *edge *= factors;
+            }
         }
         state.mass = None;
         Ok(state)
