@@ -40,7 +40,7 @@ pub use haff_scene::{
 use arguments::Command;
 use commands::{bench, check, info, init, manual, run, sweep};
 use running::python;
-use terminal::{failure::Status, log, memory, output, signals};
+use terminal::{failure::Status, log, memory, output, signals, words};
 
 #[global_allocator]
 static ALLOCATOR: memory::ReportingAllocator = memory::ReportingAllocator;
@@ -48,6 +48,8 @@ static ALLOCATOR: memory::ReportingAllocator = memory::ReportingAllocator;
 /// Runs the command with the arguments of the process, and with these plug-ins. Returns its exit status.
 #[must_use]
 pub fn main_with(plugins: Plugins) -> ExitCode {
+    // Now: a message about memory must not allocate.
+    words::words();
     signals::handle_file_size_limit();
     if let Err(error) = plugins.install() {
         output::message(format_args!("error: plug-ins of this program: {error}"));

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import h5py
@@ -22,6 +23,37 @@ GAS = {
     "species": [{"name": "grain", "count": 50, "radius": 0.5, "mass": 1.0}],
     "run": {"until": 0.5},
 }
+
+
+# Options of the command, and the command itself.
+OPTIONS = re.compile(r"--[a-z]|\(-o\)|-o DIR|haff run")
+LITERAL = re.compile(r'//[^\n]*|"((?:[^"\\]|\\.)*)"', re.DOTALL)
+# Messages that Python never shows: of the command line itself, of commands that Python does not call.
+UNSEEN = {"arguments.rs", "bench.rs", "check.rs", "info.rs", "init.rs", "manual.rs", "python.rs", "build.rs"}
+
+
+def messages() -> list[tuple[str, str, str]]:
+    """Texts with options in the sources of the command: file, text, and what is before it up to ``say(`` or ``;``."""
+    found = []
+    for crate in ("cli", "record", "scene", "engine", "linkage"):
+        for path in sorted((ROOT / "crates" / crate).rglob("*.rs")):
+            if path.name in UNSEEN or {"tests", "bench", "examples"} & set(path.parts):
+                continue
+            source = path.read_text().split("#[cfg(test)]")[0]
+            for match in LITERAL.finditer(source):
+                if OPTIONS.search(match[1] or ""):
+                    before = source[: match.start()]
+                    start = max(before.rfind("say("), before.rfind(";"), before.rfind("=>"))
+                    found.append((path.name, match[1], before[start:]))
+    return found
+
+
+def test_every_message_with_an_option_has_words_for_python_beside_it():
+    found = messages()
+    assert len(found) > 12, "the sources are read"
+    # The errors of scenes have both forms in one function.
+    alone = [(file, text) for file, text, before in found if not before.startswith("say(") and file != "error.rs"]
+    assert not alone
 
 
 def test_errors_of_runs_and_sweeps_name_keywords(tmp_path):

@@ -17,6 +17,7 @@ use crate::{
         numbers::{counted, duration},
         output::{self, shown},
         threads,
+        words::say,
     },
 };
 
@@ -167,17 +168,26 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
             })) => {
                 // Under gravity grains that have come together stay together, and only rest ends their
                 // impacts.
-                let set = if *rest_speed > 0.0 {
-                    format!(" --set contact.rest_speed={rest_speed}")
+                let change = if *rest_speed > 0.0 {
+                    Some(("rest_speed", rest_speed.to_string()))
                 } else if *contact_duration > 0.0 {
-                    format!(" --set contact.tc={contact_duration:e}")
+                    Some(("tc", format!("{contact_duration:e}")))
                 } else {
-                    String::new()
+                    None
                 };
-                output::message(format_args!("go on with: haff run --resume {file}{set} -o NEW.h5"));
+                let set = change.map_or_else(String::new, |(key, value)| {
+                    say(format!(" --set contact.{key}={value}"), format!(", contact__{key}={value}"))
+                });
+                output::message(say(
+                    format!("go on with: haff run --resume {file}{set} -o NEW.h5"),
+                    format!("go on with: haff.resume(\"{file}\", file=\"NEW.h5\"{set})"),
+                ));
             }
             ending if ending.is_final() => {}
-            _ => output::message(format_args!("continue with: haff run --resume {file}")),
+            _ => output::message(say(
+                format!("continue with: haff run --resume {file}"),
+                format!("continue with: haff.resume(\"{file}\")"),
+            )),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::{
 
 use nix::{libc, unistd};
 
-use crate::terminal::failure::Status;
+use crate::terminal::{failure::Status, words::say};
 
 /// The system's allocator, with a message when an allocation fails.
 pub struct ReportingAllocator;
@@ -57,12 +57,13 @@ fn not_null(pointer: *mut u8, size: usize) -> *mut u8 {
 #[inline(never)]
 fn report_and_exit(size: usize) -> ! {
     let mut line = Line { text: [0; 320], length: 0 };
+    let go_on = say("haff run --resume FILE", "haff.resume(file)");
     // A message that does not fit is cut off.
     let _ = writeln!(
         line,
         "error: out of memory: an allocation of {size} bytes failed\n\
          error: an output file is readable up to its last flush; continue from its last checkpoint with: \
-         haff run --resume FILE"
+         {go_on}"
     );
     let _ = unistd::write(io::stderr(), &line.text[..line.length]);
     // SAFETY: always sound. Exit handlers are skipped, because they may allocate.

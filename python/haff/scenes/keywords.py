@@ -63,7 +63,9 @@ class Given:
             proposal = self._proposed_entry(problem.key, paths)
         else:
             proposal = self._proposed_keyword(problem.key, keyword, paths)
-        return f"unknown key{proposal and f'; did you mean {proposal}?'} (allowed: {problem.allowed})"
+        if not proposal:
+            return problem.message
+        return f"unknown key; did you mean {proposal}? (allowed: {problem.allowed})"
 
     def _proposed_keyword(self, key: str, keyword: str, paths: Sequence[Sequence[str]]) -> str:
         value = _short(self.values[keyword]) if key == keyword else "…"

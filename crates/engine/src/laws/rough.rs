@@ -188,8 +188,7 @@ pub(crate) fn apply_wall(state: &mut State, rough: &RoughWall) -> Tangential {
     world.set_spin(i, tangential.spins[0]);
     tangential.add_losses(accumulators, now);
     accumulators.add_impulse(-tangential.impulse);
-    world.add_wall_impulse(wall, -tangential.impulse);
-    world.add_wall_heat(wall, -tangential.energy_loss);
+    world.add_from_wall(wall, -tangential.impulse, -tangential.energy_loss);
     if contact.wall_velocity != DVec3::ZERO {
         let work = -tangential.impulse.dot(contact.wall_velocity);
         accumulators.add_energy(Term::WallWork, now, work);

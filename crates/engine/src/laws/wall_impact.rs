@@ -192,8 +192,8 @@ pub(crate) fn reflect<const EVENTS: bool>(
         accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
     }
     accumulators.add_impulse(change * class.mass);
-    state.world.add_wall_impulse(wall, change * class.mass);
-    state.world.add_wall_heat(wall, 0.5 * class.mass * change.dot(before + after));
+    let heat = 0.5 * class.mass * change.dot(before + after);
+    state.world.add_from_wall(wall, change * class.mass, heat);
     if EVENTS {
         let changes = [VelocityChange { i, mass: class.mass, before: contact.velocity, after: velocity }];
         observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
@@ -241,8 +241,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     accumulators.counters.wall_collisions += 1;
     add_impact::<F>(accumulators, now, 0.0, &impact);
     accumulators.add_impulse(n * -impact.impulse);
-    world.add_wall_impulse(wall, n * -impact.impulse);
-    world.add_wall_heat(wall, -impact.energy_loss);
+    world.add_from_wall(wall, n * -impact.impulse, -impact.energy_loss);
     if wall_velocity != DVec3::ZERO {
         accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }

@@ -9,20 +9,25 @@ use crate::{
 };
 
 impl World {
-    /// Adds an impulse on a particle by a wall to the sums of the wall, if these are measured.
+    /// Adds an impulse on a particle by a wall, and an energy given to it in the frame of the wall, to the
+    /// sums of the wall, if these are measured.
     #[inline]
-    pub fn add_wall_impulse(&mut self, wall: u32, impulse: DVec3) {
+    pub fn add_from_wall(&mut self, wall: u32, impulse: DVec3, energy: f64) {
         if let Some(sums) = &mut self.boundary.wall_sums {
-            sums.add_impulse(wall, impulse);
+            sums.add(wall, impulse, energy);
         }
     }
 
-    /// Adds an energy given by a wall to the sums of the wall, if these are measured.
+    /// [`Self::add_from_wall`] for an impulse alone.
+    #[inline]
+    pub fn add_wall_impulse(&mut self, wall: u32, impulse: DVec3) {
+        self.add_from_wall(wall, impulse, 0.0);
+    }
+
+    /// [`Self::add_from_wall`] for an energy alone.
     #[inline]
     pub fn add_wall_heat(&mut self, wall: u32, energy: f64) {
-        if let Some(sums) = &mut self.boundary.wall_sums {
-            sums.add_heat(wall, energy);
-        }
+        self.add_from_wall(wall, DVec3::ZERO, energy);
     }
 
     /// Adds the force by which walls support particle i from `ticks` on to the sums of the walls, or takes it

@@ -427,7 +427,7 @@ impl WallSums {
     fn without_support(mut self, world: &World, time: f64) -> Self {
         self.end_support(time);
         for (wall, momentum) in world.carried_by_wall().into_iter().enumerate() {
-            self.add_impulse(wall as u32, momentum);
+            self.add(wall as u32, momentum, 0.0);
         }
         self
     }

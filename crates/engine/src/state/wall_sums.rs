@@ -44,17 +44,12 @@ impl WallSums {
         Self::new(0)
     }
 
-    /// Adds an impulse on a particle.
-    pub fn add_impulse(&mut self, wall: u32, impulse: DVec3) {
-        self.add(wall, [impulse.x, impulse.y, impulse.z, 0.0]);
+    /// Adds an impulse on a particle, and an energy given to it in the frame of the wall.
+    pub fn add(&mut self, wall: u32, impulse: DVec3, energy: f64) {
+        self.add_terms(wall, [impulse.x, impulse.y, impulse.z, energy]);
     }
 
-    /// Adds an energy given to a particle in the frame of the wall.
-    pub fn add_heat(&mut self, wall: u32, energy: f64) {
-        self.add(wall, [0.0, 0.0, 0.0, energy]);
-    }
-
-    fn add(&mut self, wall: u32, terms: [f64; 4]) {
+    fn add_terms(&mut self, wall: u32, terms: [f64; 4]) {
         match self.walls.get_mut(wall as usize) {
             Some(sum) => sum.given.add(terms),
             None => self.terms.push((wall, terms)),
@@ -64,7 +59,7 @@ impl WallSums {
     /// Adds what a block has noted in its step.
     pub fn take_from_block(&mut self, block: &mut Self) {
         for (wall, terms) in block.terms.drain(..) {
-            self.add(wall, terms);
+            self.add_terms(wall, terms);
         }
     }
 

@@ -51,7 +51,6 @@ pub(crate) mod tests;
 
 pub(crate) use grid::Grid;
 pub(crate) use rounds::{
-    Block, DILATIONS, NO_BLOCK, Outcome, Settings, WorkingSpace, can_share, count_undone, end_step, may_keep,
-    run_rounds,
+    Block, DILATIONS, NO_BLOCK, Outcome, Settings, WorkingSpace, can_share, conclude, run_rounds,
 };
 pub(crate) use step::Step;

@@ -8,6 +8,7 @@ use crate::{
     search::{
         batch::Kernel,
         blocks::{cut::Round, front::Dilations, part::RoundView, rows, step::Step},
+        event_loop::Limit,
         sharing,
     },
     state::{State, world::World},
@@ -103,7 +104,7 @@ pub(crate) trait Block: Send {
     fn begin_round(&mut self, _: Bounds) {}
     /// Takes the events of a round, or leaves them over. `EVENTS`: rows of events are recorded. `VECTORS`:
     /// the caller is compiled for AVX2 and FMA, and the processor supports them.
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &RoundView);
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, round: &RoundView);
     /// Whether some memory of the block has been too small, so that the step must be undone.
     fn is_full(&self) -> bool {
         false
@@ -111,23 +112,23 @@ pub(crate) trait Block: Send {
 }
 
 /// Takes the events of a round.
-pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, present: &RoundView) {
+pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, round: &RoundView) {
     match (kernel, events) {
-        (Kernel::Portable, false) => block.take::<false, false>(present),
-        (Kernel::Portable, true) => block.take::<true, false>(present),
+        (Kernel::Portable, false) => block.take::<false, false>(round),
+        (Kernel::Portable, true) => block.take::<true, false>(round),
         #[cfg(target_arch = "x86_64")]
         // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
-        (Kernel::Avx2, false) => unsafe { take_avx2::<B, false>(block, present) },
+        (Kernel::Avx2, false) => unsafe { take_avx2::<B, false>(block, round) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
-        (Kernel::Avx2, true) => unsafe { take_avx2::<B, true>(block, present) },
+        (Kernel::Avx2, true) => unsafe { take_avx2::<B, true>(block, round) },
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn take_avx2<B: Block, const EVENTS: bool>(block: &mut B, present: &RoundView) {
-    block.take::<EVENTS, true>(present);
+pub(super) fn take_avx2<B: Block, const EVENTS: bool>(block: &mut B, round: &RoundView) {
+    block.take::<EVENTS, true>(round);
 }
 
 /// How a step has ended.
@@ -237,20 +238,39 @@ pub(crate) fn run_rounds<B: Block>(
     (counts, Outcome::Taken)
 }
 
-/// Whether the events of a step can be kept: a limit of collisions is not reached, and they are no collapse.
-pub(crate) fn may_keep(state: &State, counts: &BlockCounts, collisions: u64) -> bool {
+/// Ends the rounds of a step: keeps its events, unless a limit of collisions is reached or they are a
+/// collapse, and gives their rows to the observer. A step that is not kept is noted as undone; the search
+/// undoes it.
+pub(crate) fn conclude<B: Block>(
+    blocks: &mut [B],
+    working_space: &mut WorkingSpace<B::Event>,
+    state: &mut State,
+    (counts, mut outcome): (BlockCounts, Outcome),
+    limit: &mut Limit,
+    observer: &mut dyn Observer,
+) -> Outcome {
     let total = counts.events();
-    state.accumulators.counters.collisions + total < collisions && state.stall.allows(&state.world, total)
-}
-
-/// Notes a step that is undone.
-pub(crate) fn count_undone(state: &mut State, counts: &BlockCounts) {
-    let critical_path = counts.critical_path;
-    state.blocks.add(&BlockCounts { steps: 1, undone: 1, critical_path, ..BlockCounts::default() });
+    let may_keep = || {
+        state.accumulators.counters.collisions + total < limit.collisions
+            && state.stall.allows(&state.world, total)
+    };
+    if outcome == Outcome::Taken && !may_keep() {
+        outcome = Outcome::Failed;
+    }
+    if outcome == Outcome::Taken {
+        let transfers = state.accumulators.counters.transfers;
+        end_step(blocks, working_space, state, &counts, observer);
+        let updates = state.accumulators.counters.transfers - transfers;
+        limit.entries = limit.entries.saturating_sub(total + updates);
+    } else {
+        let critical_path = counts.critical_path;
+        state.blocks.add(&BlockCounts { steps: 1, undone: 1, critical_path, ..BlockCounts::default() });
+    }
+    outcome
 }
 
 /// Adds what blocks have counted and recorded in a step to the state, and gives their rows to the observer.
-pub(crate) fn end_step<B: Block>(
+fn end_step<B: Block>(
     blocks: &mut [B],
     WorkingSpace { times, .. }: &mut WorkingSpace<B::Event>,
     state: &mut State,

@@ -108,10 +108,10 @@ impl<F: Features> ListBlock<F> {
     #[inline(always)]
     fn take_entry<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         entry: Entry,
     ) -> bool {
-        let (step, i) = (present.step, entry.owner);
+        let (step, i) = (round.step, entry.owner);
         self.part.ownership.read(i);
         let particles = &self.part.state.world.particles;
         if particles[i as usize].count != entry.own_count {
@@ -126,15 +126,13 @@ impl<F: Features> ListBlock<F> {
             SearchEvent::Collision(j) => {
                 self.part.ownership.read(j);
                 if particles[j as usize].count == entry.partner_count {
-                    return self.take_collision::<EVENTS, VECTORS>(present, entry, [i, j], time);
+                    return self.take_collision::<EVENTS, VECTORS>(round, entry, [i, j], time);
                 }
-                self.predict_again::<VECTORS>(present, entry, time, false)
+                self.predict_again::<VECTORS>(round, entry, time, false)
             }
-            SearchEvent::Wall(wall) => {
-                self.take_wall_collision::<EVENTS, VECTORS>(present, entry, wall, time)
-            }
-            SearchEvent::Crossing(_) => self.predict_again::<VECTORS>(present, entry, time, true),
-            SearchEvent::Prediction => self.predict_again::<VECTORS>(present, entry, time, false),
+            SearchEvent::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(round, entry, wall, time),
+            SearchEvent::Crossing(_) => self.predict_again::<VECTORS>(round, entry, time, true),
+            SearchEvent::Prediction => self.predict_again::<VECTORS>(round, entry, time, false),
             // No grain rests on a wall.
             SearchEvent::EndOfBounces | SearchEvent::Release | SearchEvent::EndOfSlide => false,
         }
@@ -155,12 +153,12 @@ impl<F: Features> ListBlock<F> {
     #[inline(always)]
     fn take_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         entry: Entry,
         [i, j]: [u32; 2],
         time: f32,
     ) -> bool {
-        let step = present.step;
+        let step = round.step;
         let places = [self.place(step, i, time), self.place(step, j, time)];
         if !self.is_known(&places, time) {
             return self.part.leave(step, entry, &places, time);
@@ -174,7 +172,7 @@ impl<F: Features> ListBlock<F> {
         if !impact.after().iter().all(|(_, _, velocity)| frame.allows::<F>(world, *velocity, entry.time)) {
             return false;
         }
-        if !present.is_expected(&self.part.state.world, &places, time) {
+        if !round.is_expected(&self.part.state.world, &places, time) {
             return self.part.reject();
         }
         let bodies = [i.min(j), i.max(j)];
@@ -207,12 +205,12 @@ impl<F: Features> ListBlock<F> {
     #[inline(never)]
     fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         entry: Entry,
         wall: u32,
         time: f32,
     ) -> bool {
-        let (step, i) = (present.step, entry.owner);
+        let (step, i) = (round.step, entry.owner);
         let places = [self.place(step, i, time)];
         if !self.is_known(&places, time) {
             return self.part.leave(step, entry, &places, time);
@@ -227,7 +225,7 @@ impl<F: Features> ListBlock<F> {
         if !self.predictor.plan.frame.allows::<F>(world, outcome.velocity(), entry.time) {
             return false;
         }
-        if !present.is_expected(&self.part.state.world, &places, time) {
+        if !round.is_expected(&self.part.state.world, &places, time) {
             return self.part.reject();
         }
         self.part.save(step, i);
@@ -258,17 +256,17 @@ impl<F: Features> ListBlock<F> {
     #[inline(always)]
     fn predict_again<const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         entry: Entry,
         time: f32,
         updates: bool,
     ) -> bool {
-        let (step, i) = (present.step, entry.owner);
+        let (step, i) = (round.step, entry.owner);
         let places = [self.place(step, i, time)];
         if !self.is_known(&places, time) {
             return self.part.leave(step, entry, &places, time);
         }
-        if !present.is_expected(&self.part.state.world, &places, time) {
+        if !round.is_expected(&self.part.state.world, &places, time) {
             return self.part.reject();
         }
         self.part.state.world.now = entry.time;
@@ -366,16 +364,16 @@ impl<F: Features> Block for ListBlock<F> {
     }
 
     #[inline(always)]
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &RoundView) {
-        let (from, to) = (present.step.from, present.step.to);
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, round: &RoundView) {
+        let (from, to) = (round.step.from, round.step.to);
         self.queue.open(from, to, &self.part.known);
         while let Some(entry) = self.queue.pop_until(to) {
             let Self { predictor, bounds, work, queue, part, .. } = self;
             VectorPredictor::<F, VECTORS> { predictor, bounds, work }
                 .prefetch(|ahead| queue.upcoming(ahead), &part.state);
             self.taken += 1;
-            let is_endless = self.taken > present.step.most;
-            if is_endless || !self.take_entry::<EVENTS, VECTORS>(present, entry) {
+            let is_endless = self.taken > round.step.most;
+            if is_endless || !self.take_entry::<EVENTS, VECTORS>(round, entry) {
                 self.part.is_failed = true;
                 return;
             }

@@ -287,20 +287,14 @@ impl<F: Features, E: ListedEvent> Stepping for ListSearch<F, E> {
         for block in &mut steps.blocks {
             predictor.lists.take_back(&mut block.predictor.lists);
         }
-        let (counts, mut outcome) = result.unwrap_or_else(|panic| resume_unwind(panic));
-        if outcome == Outcome::Taken && !blocks::may_keep(state, &counts, limit.collisions) {
-            outcome = Outcome::Failed;
-        }
-        let transfers = state.accumulators.counters.transfers;
+        let found = result.unwrap_or_else(|panic| resume_unwind(panic));
+        let outcome =
+            blocks::conclude(&mut steps.blocks, &mut steps.working_space, state, found, limit, observer);
         if outcome == Outcome::Taken {
-            blocks::end_step(&mut steps.blocks, &mut steps.working_space, state, &counts, observer);
-            let updates = state.accumulators.counters.transfers - transfers;
-            limit.entries = limit.entries.saturating_sub(counts.events() + updates);
             for (block, incoming) in steps.blocks.iter_mut().zip(&mut steps.incoming) {
                 incoming.append(&mut block.later);
             }
         } else {
-            blocks::count_undone(state, &counts);
             undo(predictor, state, &mut steps.blocks);
         }
         for block in &mut steps.blocks {

@@ -70,16 +70,16 @@ impl<F: Features> Block for WindowBlock<F> {
     }
 
     #[inline(always)]
-    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, present: &RoundView) {
-        let (from, to) = (present.step.from, present.step.to);
+    fn take<const EVENTS: bool, const VECTORS: bool>(&mut self, round: &RoundView) {
+        let (from, to) = (round.step.from, round.step.to);
         self.worker.horizon = to;
         self.worker.queue.open(from, to, &self.part.known);
         while let Some(event) = self.worker.queue.pop_until(to) {
             let bounds = self.part.front.bounds;
             let contains = |axis: usize, c: i32| bounds.contains_cells(axis, c, 1);
             self.worker.prefetch(&self.part.state.world, contains);
-            let is_endless = self.part.times.len() > present.step.most;
-            if is_endless || !self.take_event::<EVENTS, VECTORS>(present, event) {
+            let is_endless = self.part.times.len() > round.step.most;
+            if is_endless || !self.take_event::<EVENTS, VECTORS>(round, event) {
                 self.part.is_failed = true;
                 return;
             }
@@ -92,25 +92,25 @@ impl<F: Features> WindowBlock<F> {
     #[inline(always)]
     fn take_event<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         event: WindowEvent,
     ) -> bool {
         match event.0.target.kind() {
-            Contact::Collision(j) => self.take_collision::<EVENTS, VECTORS>(present, event, j),
-            Contact::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(present, event, wall),
+            Contact::Collision(j) => self.take_collision::<EVENTS, VECTORS>(round, event, j),
+            Contact::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(round, event, wall),
         }
     }
 
     #[inline(always)]
     fn take_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         event: WindowEvent,
         j: u32,
     ) -> bool {
         let entry = event.0;
         let i = entry.owner;
-        let (world, step) = (&self.part.state.world, present.step);
+        let (world, step) = (&self.part.state.world, round.step);
         self.part.ownership.read(i);
         let (a, b) = (&world.particles[i as usize], &world.particles[j as usize]);
         // In this order: the partner of a particle with another path can be in another block.
@@ -125,7 +125,7 @@ impl<F: Features> WindowBlock<F> {
         }
         let time = step.fraction(entry.time);
         let places = [self.place(step, i, time), self.place(step, j, time)];
-        if !self.is_known(present, &places, time) {
+        if !self.is_known(round, &places, time) {
             return self.part.leave(step, event, &places, time);
         }
         let mut rough = None;
@@ -133,13 +133,13 @@ impl<F: Features> WindowBlock<F> {
         for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
             // In the order of the indices.
             let k = if i < j { k } else { 1 - k };
-            match self.stays(present, &places[k], (position, velocity), entry.time) {
+            match self.stays(round, &places[k], (position, velocity), entry.time) {
                 Stays::Inside => {}
                 Stays::Outside => return self.part.leave(step, event, &places, time),
                 Stays::TooFast => return false,
             }
         }
-        if !present.is_expected(&self.part.state.world, &places, time) {
+        if !round.is_expected(&self.part.state.world, &places, time) {
             return self.part.reject();
         }
         for place in &places {
@@ -165,20 +165,20 @@ impl<F: Features> WindowBlock<F> {
     #[inline(never)]
     fn take_wall_collision<const EVENTS: bool, const VECTORS: bool>(
         &mut self,
-        present: &RoundView,
+        round: &RoundView,
         event: WindowEvent,
         wall: u32,
     ) -> bool {
         let entry = event.0;
         let i = entry.owner;
-        let (world, step) = (&self.part.state.world, present.step);
+        let (world, step) = (&self.part.state.world, round.step);
         if world.particles[i as usize].count != entry.own_count {
             self.part.state.accumulators.counters.dropped += 1;
             return true;
         }
         let time = step.fraction(entry.time);
         let places = [self.place(step, i, time)];
-        if !self.is_known(present, &places, time) {
+        if !self.is_known(round, &places, time) {
             return self.part.leave(step, event, &places, time);
         }
         let mut rough = None;
@@ -188,12 +188,12 @@ impl<F: Features> WindowBlock<F> {
             return false;
         };
         let after = (contact.position, outcome.velocity());
-        match self.stays(present, &places[0], after, entry.time) {
+        match self.stays(round, &places[0], after, entry.time) {
             Stays::Inside => {}
             Stays::Outside => return self.part.leave(step, event, &places, time),
             Stays::TooFast => return false,
         }
-        if !present.is_expected(&self.part.state.world, &places, time) {
+        if !round.is_expected(&self.part.state.world, &places, time) {
             return self.part.reject();
         }
         self.part.save(step, i);
@@ -222,7 +222,7 @@ impl<F: Features> WindowBlock<F> {
     /// Whether nothing unknown can have changed an event, and its particles are registered in no cells but
     /// those of this block.
     #[inline(always)]
-    fn is_known<const K: usize>(&self, present: &RoundView, places: &[Place; K], time: f32) -> bool {
+    fn is_known<const K: usize>(&self, round: &RoundView, places: &[Place; K], time: f32) -> bool {
         if self.part.front.bounds.is_whole {
             return true;
         }
@@ -230,7 +230,7 @@ impl<F: Features> WindowBlock<F> {
         // set.
         for place in places {
             let is_clear = self.part.front.is_clear(place.depth, place.x, time);
-            if !is_clear || !self.is_registered_inside(present, place) {
+            if !is_clear || !self.is_registered_inside(round, place) {
                 return false;
             }
         }
@@ -239,8 +239,8 @@ impl<F: Features> WindowBlock<F> {
 
     /// Whether a particle is registered in cells of this block only.
     #[inline(always)]
-    fn is_registered_inside(&self, present: &RoundView, place: &Place) -> bool {
-        let (space, step) = (&self.worker.space, present.step);
+    fn is_registered_inside(&self, round: &RoundView, place: &Place) -> bool {
+        let (space, step) = (&self.worker.space, round.step);
         let compact = &space.particles[place.slot];
         let extent = space.extent(compact.radius);
         // Of a particle with an event in this window, only the last of its paths is stored. It is registered
@@ -274,12 +274,12 @@ impl<F: Features> WindowBlock<F> {
     #[inline(always)]
     fn stays(
         &self,
-        present: &RoundView,
+        round: &RoundView,
         place: &Place,
         (mut position, mut velocity): (DVec3, DVec3),
         ticks: i64,
     ) -> Stays {
-        let step = present.step;
+        let step = round.step;
         let metric = &step.metric;
         let world = &self.part.state.world;
         if !F::UNIFORM && world.class(place.body).inverse_mass == 0.0 {

@@ -197,7 +197,7 @@ impl<F: Features> Stepping for Windows<F> {
             block.has_noted = steps.has_noted;
         }
         steps.attempts += 1;
-        let (counts, mut outcome) = blocks::run_rounds(
+        let found = blocks::run_rounds(
             &mut steps.rounds,
             &mut steps.blocks,
             &mut steps.working_space,
@@ -206,15 +206,8 @@ impl<F: Features> Stepping for Windows<F> {
             |round, events, targets| route(worker, &step, round, events, targets),
             |_| {},
         );
-        if outcome == Outcome::Taken && !blocks::may_keep(state, &counts, limit.collisions) {
-            outcome = Outcome::Failed;
-        }
-        if outcome == Outcome::Taken {
-            blocks::end_step(&mut steps.blocks, &mut steps.working_space, state, &counts, observer);
-            limit.entries = limit.entries.saturating_sub(counts.events());
-        } else {
-            blocks::count_undone(state, &counts);
-        }
+        let outcome =
+            blocks::conclude(&mut steps.blocks, &mut steps.working_space, state, found, limit, observer);
         for block in &mut steps.blocks {
             worker.scratch.work.add(&block.worker.scratch.work);
             if outcome == Outcome::Taken {
