@@ -30,7 +30,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
     }
     System {
         dimension: Dimension::Three,
-        domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None },
+        domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None, compression: None },
         bodies: Vec::new(),
         classes: Vec::new(),
         groups: vec![Group { name: "sphere".to_owned() }],

@@ -46,8 +46,8 @@ mod examples;
 extern crate self as haff_engine; // tests/common builds its systems with the public interface
 
 pub use model::{
-    Action, Body, Boundary, Class, Column, ConstantVelocity, Contacts, Correlations, Dimension, Domain,
-    Drive, DriveKind, DrivenParticles, Grid, GridAxis, Group, Hole, KickTimes, Measure, NamedAction,
+    Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Dimension,
+    Domain, Drive, DriveKind, DrivenParticles, Grid, GridAxis, Group, Hole, KickTimes, Measure, NamedAction,
     NamedProbe, NeighborChoice, Options, Oscillating, Particles, Partition, Probe, Shape, Shear, SimdChoice,
     Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
     conserved_momentum, named_action, rest_speed_of_diameter,

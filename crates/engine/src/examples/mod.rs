@@ -33,6 +33,7 @@ fn two_spheres() -> Simulation {
             boundary: [Boundary::Periodic, Boundary::Periodic, Boundary::Wall],
             gravity: DVec3::ZERO,
             shear: None,
+            compression: None,
         },
         bodies: vec![body(4.0, 1.0), body(6.0, -1.0)],
         classes: vec![Class { radius: 0.5, mass: 1.0, group: 0 }],

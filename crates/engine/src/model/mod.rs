@@ -19,6 +19,7 @@ contact itself; `wall_change.rs` has how it goes on when it is changed. What oth
 
 pub(crate) mod action;
 pub mod bounds;
+pub(crate) mod compression;
 pub(crate) mod conserved;
 pub(crate) mod drive;
 pub(crate) mod exchange;
@@ -44,6 +45,7 @@ pub use system::{
 pub use haff_mechanics::{Hole, Partition, Restitution, Shape, Surface};
 
 pub use action::{Action, NamedAction, named_action};
+pub use compression::Compression;
 pub use conserved::{common_velocity, conserved_momentum};
 pub use drive::{Drive, DriveKind, KickTimes};
 pub use exchange::{Exchange, Partner, VelocityChange};

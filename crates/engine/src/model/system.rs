@@ -4,7 +4,8 @@ use glam::DVec3;
 use haff_mechanics::{Restitution, Shape};
 
 use crate::model::{
-    drive::Drive, measure::Measure, shear::Shear, spin::Spin, wall_law::WallLaw, wall_motion::WallMotion,
+    compression::Compression, drive::Drive, measure::Measure, shear::Shear, spin::Spin, wall_law::WallLaw,
+    wall_motion::WallMotion,
 };
 
 /// Number of space dimensions.
@@ -46,8 +47,10 @@ pub struct Domain {
     pub boundary: [Boundary; 3],
     /// Common acceleration of all bodies of finite mass [length/time²]; zero along periodic axes.
     pub gravity: DVec3,
-    /// Simple shear; only if all axes are periodic.
+    /// Simple shear; only if all axes are periodic, and not with a compression.
     pub shear: Option<Shear>,
+    /// Compression or expansion; not along open axes, and along periodic ones not with gravity.
+    pub compression: Option<Compression>,
 }
 
 /// Properties shared by particles: size, mass and contact group.

@@ -102,6 +102,7 @@ pub(crate) mod tests {
                 boundary: [Boundary::Periodic; 3],
                 gravity: DVec3::ZERO,
                 shear: None,
+                compression: None,
             },
             bodies: (0..count).map(body).collect(),
             classes: vec![Class { radius: 0.5, mass: 1.0, group: 0 }],

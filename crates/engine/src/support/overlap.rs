@@ -265,7 +265,7 @@ mod tests {
             measure: crate::Measure::default(),
             seed: 0,
             dimension: Dimension::Three,
-            domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None },
+            domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None, compression: None },
             bodies,
             classes,
             groups: vec![Group { name: "grain".to_owned() }],

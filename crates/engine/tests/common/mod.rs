@@ -47,7 +47,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
         measure: haff_engine::Measure::default(),
         seed: 0,
         dimension,
-        domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None },
+        domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None, compression: None },
         bodies: Vec::new(),
         classes: Vec::new(),
         groups: vec![Group { name: "grain".into() }],

@@ -82,6 +82,7 @@ impl Scene {
                 boundary: [Boundary::Open; 3],
                 gravity: self.gravity,
                 shear: None,
+                compression: None,
             },
             bodies: (0..n)
                 .map(|i| Body {

@@ -40,7 +40,7 @@ impl DomainPlan {
         if dimension == Dimension::Two {
             size.z = 2.0 * rows.largest_radius();
         }
-        Domain { size, boundary: self.boundary, gravity: self.gravity, shear }
+        Domain { size, boundary: self.boundary, gravity: self.gravity, shear, compression: None }
     }
 
     /// All walls: those of the domain, then `extra`.

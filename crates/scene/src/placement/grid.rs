@@ -268,6 +268,7 @@ mod tests {
                 boundary: std::array::from_fn(|_| kinds[random.below(3)]),
                 gravity: DVec3::ZERO,
                 shear: None,
+                compression: None,
             };
             let n = 60;
             let radius: Vec<f64> = (0..n).map(|_| libm::pow(10.0, random.between(-6.0, 0.0))).collect();

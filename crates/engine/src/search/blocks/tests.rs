@@ -65,7 +65,7 @@ fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: 
     let wall = vec![WallLaw::Restitution(Restitution::Constant(e)); walls.len()];
     System {
         dimension,
-        domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None },
+        domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None, compression: None },
         bodies,
         classes,
         groups: vec![Group { name: "grains".to_owned() }],

@@ -261,6 +261,7 @@ mod tests {
                 boundary: [crate::model::Boundary::Periodic; 3],
                 gravity,
                 shear: None,
+                compression: None,
             },
             bodies: vec![body(0), body(1)],
             classes: radii.map(|radius| crate::model::Class { radius, mass: 1.0, group: 0 }).to_vec(),
