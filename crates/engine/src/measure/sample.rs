@@ -88,7 +88,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         if first || span <= 0.0 {
             return f64::NAN;
         }
-        let volume: f64 = (0..d as usize).map(|axis| system.domain.size[axis]).product();
+        let volume = system.domain.mean_volume(system.dimension, [accumulators.sampled_at, time]);
         let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
         (thermal + accumulators.virial()) / (d * volume * span)
     });
