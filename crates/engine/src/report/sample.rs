@@ -46,8 +46,13 @@ pub struct Sample {
     /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1, with v − V for v; NaN without motion.
     pub sonine_a2: f64,
     /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d], with the
-    /// velocities v − V; NaN in the first sample, `None` with open axes.
+    /// velocities v − V; NaN in the first sample, `None` with open axes. In a box that is compressed the mean
+    /// of P V over the volume now.
     pub pressure: Option<f64>,
+    /// Volume of the box now [length^d]; NaN with open axes.
+    pub box_volume: f64,
+    /// Volume of all particles over that of the box; NaN unless the box is compressed.
+    pub packing_fraction: f64,
     /// Mean pressure tensor since the previous sample, if it is measured; NaN in the first sample.
     pub stress: Option<StressTensor>,
     /// Mean force of the particles on each wall since the previous sample [mass·length/time²], and the heat
