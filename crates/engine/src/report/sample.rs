@@ -17,8 +17,8 @@ pub struct Frame {
     pub velocity: Vec<DVec3>,
     /// Box images: unwrapped position = position + Σ image · edge vector.
     pub image: Vec<[i32; 3]>,
-    /// Edge vectors of the box \[length\]. Under shear that along the gradient has a component along the
-    /// flow, at most half an edge.
+    /// Edge vectors of the box at this time \[length\]. Under shear that along the gradient has a component
+    /// along the flow, at most half an edge.
     pub edges: [DVec3; 3],
     /// Angular velocities [1/time]; empty without spin.
     pub angular_velocity: Vec<DVec3>,
