@@ -151,6 +151,8 @@ class File(ReadOnly):
         if self.shear is not None:
             flow, gradient, rate = self.shear
             found.append(("shear", f"flow along {AXES[flow]}, gradient along {AXES[gradient]}, rate {rate:g}"))
+        if self.compression is not None:
+            found.append(("compression", " × ".join(f"{rate:g}" for rate in self.compression[: self.dimension])))
         for part in ("frames", "observables", "events"):
             if part not in self:
                 text = "not recorded"
@@ -270,7 +272,10 @@ class File(ReadOnly):
 
     @cached_property
     def box(self) -> Box:
-        """The simulation box; of a sheared run that of the first frame, each frame has its own :attr:`Frame.box`."""
+        """The simulation box.
+
+        Where it is sheared or compressed that of the first frame: each frame has its own :attr:`Frame.box`.
+        """
         place, shear = "particles/all/box", self.shear
         stored = self.stored.listed(f"{place}@boundary", self.stored.attribute(place, "boundary")) or []
         if len(stored) > 3 or not set(stored) <= {"periodic", "none"}:
@@ -337,6 +342,13 @@ class File(ReadOnly):
         column.require(edges, same | ~np.eye(3, dtype=bool), must, rows)
         return [self._box(one, self.box.boundary, self.shear) for one in edges]
 
+    def _boxes(self, column: Column, edges: Array, rows: range) -> list[Box]:
+        """Boxes of frames from their edge vectors ``[F, 3, 3]``, or from edge lengths ``[F, 3]``, checked."""
+        if self.shear is not None:
+            return self._sheared_boxes(column, edges, rows)
+        column.require(edges, _positive(edges), f"in [{SMALLEST:g}, {LARGEST:g}]", rows)
+        return [Box(lengths, self.box.boundary, self.dimension) for lengths in edges]
+
     def _box(self, edges: Array, sides: Sequence[str], shear: Shear | None) -> Box:
         displacement = None
         if shear is not None:
@@ -363,6 +375,22 @@ class File(ReadOnly):
                 f"domain.shear.gradient = {quoted(given['gradient'])}: must be another axis than the flow",
             )
         return Shear(flow, gradient, float(given["rate"]))
+
+    @cached_property
+    def compression(self) -> Array | None:
+        """``[3]`` γ of each axis [1/time]: the edges are L (1 − γ t); ``None`` if the box keeps its size.
+
+        It is ``domain.compression`` of the scene, or follows from its ``growth``.
+        """
+        growth, given = self.scene.get("growth"), self.scene.get("domain", {}).get("compression")
+        rates = np.zeros(3)
+        if growth is not None:
+            rates[: self.dimension] = float(growth["rate"]) / (2 * float(self.radius.max()))
+        elif given is not None and "rates" in given:
+            rates[: self.dimension] = given["rates"][: self.dimension]
+        elif given is not None and "rate" in given:
+            rates[: self.dimension] = float(given["rate"])
+        return rates if rates.any() else None
 
     @cached_property
     def dimension(self) -> int:

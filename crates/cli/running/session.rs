@@ -7,10 +7,10 @@ use console::Term;
 use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
-use haff_scene::{OutputPlan, RunPlan};
+use haff_scene::{OutputPlan, RunPlan, UntilOf};
 
 use crate::{
-    running::{controls::Controls, schedule::Times},
+    running::{compressing, controls::Controls, schedule::Times},
     terminal::{progress::Progress, watch::Watch},
 };
 
@@ -34,6 +34,12 @@ pub enum Ending {
     Until,
     /// `run.collisions` is reached.
     Collisions,
+    /// `growth.until_packing_fraction` is reached.
+    PackingFraction,
+    /// `growth.until_reduced_pressure` is reached.
+    ReducedPressure,
+    /// The box is as short or as full as it can be.
+    Box,
     /// `run.wall_time` is used up.
     WallTime,
     /// A signal.
@@ -50,8 +56,10 @@ impl Ending {
     /// The word for `stopped`.
     pub fn word(&self) -> &'static str {
         match self {
-            Self::Until => "until",
+            Self::Until | Self::Box => "until",
             Self::Collisions => "collisions",
+            Self::PackingFraction => "packing_fraction",
+            Self::ReducedPressure => "reduced_pressure",
             Self::WallTime => "wall_time",
             Self::Signal(_) => "signal",
             Self::Rest => "rest",
@@ -80,7 +88,25 @@ impl Ending {
 
     /// Whether the run has reached the end given in its scene, so that nothing is left to resume.
     pub fn is_final(&self) -> bool {
-        matches!(self, Self::Until | Self::Collisions | Self::Rest)
+        matches!(
+            self,
+            Self::Until
+                | Self::Collisions
+                | Self::PackingFraction
+                | Self::ReducedPressure
+                | Self::Box
+                | Self::Rest
+        )
+    }
+}
+
+impl From<UntilOf> for Ending {
+    fn from(until: UntilOf) -> Self {
+        match until {
+            UntilOf::Run => Self::Until,
+            UntilOf::PackingFraction => Self::PackingFraction,
+            UntilOf::Box => Self::Box,
+        }
     }
 }
 
@@ -156,6 +182,8 @@ pub struct Session<'a> {
     pub controls: Controls<'a>,
     /// What has been recorded before.
     pub recorded: Recorded,
+    /// A box that is compressed, at the last sample.
+    pub compressed: Option<compressing::Compressed>,
 }
 
 /// Shows a sample with `--watch`, unless the last one is too recent.
@@ -171,6 +199,15 @@ pub struct Outcome {
     pub ending: Ending,
     /// Wall time of the run itself [s].
     pub wall: Duration,
+    /// What a box that becomes smaller is like, if it cannot go on.
+    pub jammed: Option<String>,
+}
+
+impl Outcome {
+    /// The text of an error that has ended the run, with what the box is like.
+    pub fn told(&self, error: &str) -> String {
+        self.jammed.as_ref().map_or_else(|| error.to_owned(), |jammed| format!("{jammed}: {error}"))
+    }
 }
 
 impl Session<'_> {
@@ -187,7 +224,8 @@ impl Session<'_> {
             }
         }
         tracing::info!(ending = ending.word(), time = self.simulation.time(), "end of the run");
-        Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
+        let jammed = (ending.word() == "collapse").then(|| self.jammed()).flatten();
+        Outcome { simulation: self.simulation, ending, wall: started.elapsed(), jammed }
     }
 
     /// Runs events, and writes the records when they are due. `Err` if a record ends the run.
@@ -200,7 +238,10 @@ impl Session<'_> {
         // A checkpoint may have the time of a record that was not yet written.
         let Recorded { frame, sample } = self.recorded;
         let mut frames = plan(self.output.frames, frame.unwrap_or(from));
-        let mut samples = if self.controls.watch {
+        let tests = self.run.pressure.map(|end| compressing::tests(self.output.observables, end.interval));
+        let mut samples = if let Some(tests) = tests {
+            Times::after(tests, sample.unwrap_or(from))
+        } else if self.controls.watch {
             Times::after(self.output.observables, from)
         } else {
             plan(self.output.observables, sample.unwrap_or(from))
@@ -247,9 +288,12 @@ impl Session<'_> {
                     let sample = samples.take(target.time);
                     let checkpoint = checkpoints.take(target.time);
                     if target.time >= until {
-                        break Ending::Until;
+                        break self.run.until_of.into();
                     }
                     self.record(frame, frame || sample, &mut |sample| show(&mut watch, &progress, sample))?;
+                    if self.has_pressure() {
+                        break Ending::ReducedPressure;
+                    }
                     if checkpoint {
                         log.hand_over()?;
                         self.checkpoint()?;
@@ -278,6 +322,23 @@ impl Session<'_> {
         Ok(ending)
     }
 
+    /// Whether the last sample has the reduced pressure that ends the run.
+    fn has_pressure(&self) -> bool {
+        match (self.run.pressure, self.compressed) {
+            (Some(end), Some(last)) => last.reduced_pressure >= end.reduced_pressure,
+            _ => false,
+        }
+    }
+
+    /// What a box that becomes smaller is like now.
+    fn jammed(&mut self) -> Option<String> {
+        if self.compressed.is_none_or(|last| last.time != self.simulation.time()) {
+            let row = self.simulation.sample();
+            self.compressed = compressing::Compressed::of(&self.simulation, &row);
+        }
+        self.compressed.filter(|last| last.shrinks).map(|last| last.to_string())
+    }
+
     /// Records the end, and a checkpoint.
     fn last_records(&mut self, ending: &Ending) -> Result<(), Ending> {
         // A resumed run continues from before these last rows, which an uninterrupted run would not have
@@ -301,9 +362,10 @@ impl Session<'_> {
         if sample {
             self.recorded.sample = time;
         }
-        if sample && (self.recorder.is_some() || self.controls.watch) {
+        if sample && (self.recorder.is_some() || self.controls.watch || self.run.pressure.is_some()) {
             let row = self.simulation.sample();
             show(&row);
+            self.compressed = compressing::Compressed::of(&self.simulation, &row);
             if let Some(recorder) = self.recorder {
                 recorder.sample(row)?;
             }
