@@ -114,6 +114,7 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         Ending::Until => "reached run.until".to_owned(),
         Ending::Collisions => "reached the number of collisions".to_owned(),
         Ending::PackingFraction => "reached growth.until_packing_fraction".to_owned(),
+        Ending::Jammed(why) => why.clone(),
         Ending::ReducedPressure => "reached growth.until_reduced_pressure".to_owned(),
         Ending::Box => "the box cannot become smaller".to_owned(),
         Ending::WallTime => "run.wall_time is used up".to_owned(),

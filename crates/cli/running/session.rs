@@ -10,7 +10,11 @@ use haff_record::{RecordError, Recorder};
 use haff_scene::{OutputPlan, RunPlan, UntilOf};
 
 use crate::{
-    running::{compressing, controls::Controls, schedule::Times},
+    running::{
+        compressing::{self, Grown},
+        controls::Controls,
+        schedule::Times,
+    },
     terminal::{progress::Progress, watch::Watch},
 };
 
@@ -38,6 +42,8 @@ pub enum Ending {
     PackingFraction,
     /// `growth.until_reduced_pressure` is reached.
     ReducedPressure,
+    /// A growth has jammed before it has reached its packing fraction.
+    Jammed(String),
     /// The box is as short or as full as it can be.
     Box,
     /// `run.wall_time` is used up.
@@ -60,6 +66,7 @@ impl Ending {
             Self::Collisions => "collisions",
             Self::PackingFraction => "packing_fraction",
             Self::ReducedPressure => "reduced_pressure",
+            Self::Jammed(_) => "jammed",
             Self::WallTime => "wall_time",
             Self::Signal(_) => "signal",
             Self::Rest => "rest",
@@ -94,6 +101,7 @@ impl Ending {
                 | Self::Collisions
                 | Self::PackingFraction
                 | Self::ReducedPressure
+                | Self::Jammed(_)
                 | Self::Box
                 | Self::Rest
         )
@@ -238,10 +246,7 @@ impl Session<'_> {
         // A checkpoint may have the time of a record that was not yet written.
         let Recorded { frame, sample } = self.recorded;
         let mut frames = plan(self.output.frames, frame.unwrap_or(from));
-        let tests = self.run.pressure.map(|end| compressing::tests(self.output.observables, end.interval));
-        let mut samples = if let Some(tests) = tests {
-            Times::after(tests, sample.unwrap_or(from))
-        } else if self.controls.watch {
+        let mut samples = if self.controls.watch {
             Times::after(self.output.observables, from)
         } else {
             plan(self.output.observables, sample.unwrap_or(from))
@@ -269,7 +274,8 @@ impl Session<'_> {
 
         let ending = loop {
             let due = frames.next().min(samples.next()).min(checkpoints.next());
-            let target = Until { time: due.min(until), collisions, entries: slice };
+            let step = self.next_step();
+            let target = Until { time: due.min(until), collisions: collisions.min(step), entries: slice };
             let began = Instant::now();
             let stop = self.simulation.advance(target, &mut log);
             // The length of a slice does not affect results: it only sets the points where the run may stop.
@@ -282,7 +288,15 @@ impl Session<'_> {
             match stop {
                 Err(error) => break Ending::Failed(error),
                 Ok(Stop::Rest) => break Ending::Rest,
-                Ok(Stop::Collisions) => break Ending::Collisions,
+                Ok(Stop::Collisions) if self.simulation.counters().collisions >= collisions => {
+                    break Ending::Collisions;
+                }
+                Ok(Stop::Collisions) => {
+                    self.record(false, true, &mut |sample| show(&mut watch, &progress, sample))?;
+                    if let Some(ending) = self.grown() {
+                        break ending;
+                    }
+                }
                 Ok(Stop::Time) => {
                     let frame = frames.take(target.time);
                     let sample = samples.take(target.time);
@@ -291,8 +305,8 @@ impl Session<'_> {
                         break self.run.until_of.into();
                     }
                     self.record(frame, frame || sample, &mut |sample| show(&mut watch, &progress, sample))?;
-                    if self.has_pressure() {
-                        break Ending::ReducedPressure;
+                    if let Some(ending) = self.grown() {
+                        break ending;
                     }
                     if checkpoint {
                         log.hand_over()?;
@@ -322,12 +336,22 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// Whether the last sample has the reduced pressure that ends the run.
-    fn has_pressure(&self) -> bool {
-        match (self.run.pressure, self.compressed) {
-            (Some(end), Some(last)) => last.reduced_pressure >= end.reduced_pressure,
-            _ => false,
-        }
+    /// The number of collisions at which the pressure of a growth is tested next: multiples of a number, so that a
+    /// run that is resumed has the same samples.
+    fn next_step(&self) -> u64 {
+        let done = self.simulation.counters().collisions;
+        self.run.growth.map_or(u64::MAX, |growth| (done / growth.step + 1).saturating_mul(growth.step))
+    }
+
+    /// How a growth ends at the last sample, if it does.
+    fn grown(&self) -> Option<Ending> {
+        let (growth, last) = (self.run.growth.as_ref()?, self.compressed?);
+        Some(match last.end(growth)? {
+            Grown::ReducedPressure => Ending::ReducedPressure,
+            Grown::Jammed { wanted } => Ending::Jammed(format!(
+                "{last}, below growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later"
+            )),
+        })
     }
 
     /// What a box that becomes smaller is like now.
@@ -362,7 +386,7 @@ impl Session<'_> {
         if sample {
             self.recorded.sample = time;
         }
-        if sample && (self.recorder.is_some() || self.controls.watch || self.run.pressure.is_some()) {
+        if sample && (self.recorder.is_some() || self.controls.watch || self.run.growth.is_some()) {
             let row = self.simulation.sample();
             show(&row);
             self.compressed = compressing::Compressed::of(&self.simulation, &row);

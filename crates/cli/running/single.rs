@@ -217,6 +217,11 @@ impl Finished {
             | Ending::Box
             | Ending::Rest
             | Ending::WallTime => Ok(0),
+            Ending::Jammed(why) => {
+                let kept =
+                    context.file.as_ref().map(|file| format!("\nrecorded so far: {}", output::path(file)));
+                Err(Failure::new(Status::Stopped, why.clone() + &kept.unwrap_or_default()))
+            }
             Ending::Signal(signal) => Ok(128 + *signal as u8),
             Ending::Failed(error) => {
                 let failure = simulation_failure(error);

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use haff_engine::{DriveKind, WallMotion};
-use haff_scene::{BoxTooSmall, Code, NoStates, PressureEnd, Scene, SceneErrors, UntilOf, parse};
+use haff_scene::{BoxTooSmall, Code, GrowthEnd, NoStates, Scene, SceneErrors, UntilOf, parse};
 
 /// 64 spheres of diameter 1 in a cube of edge 8: a packing fraction of 0.0654.
 fn scene(domain: &str, more: &str) -> Result<Scene, SceneErrors> {
@@ -241,7 +241,7 @@ fn growth_is_a_compression_that_ends_on_a_packing_fraction() {
     assert_eq!(found.system.domain.compression.unwrap().rates, DVec3::splat(0.1));
     let DriveKind::Rescale { temperature, interval } = found.system.drives[0].kind else { panic!() };
     assert_eq!((temperature, interval, &found.system.drives[0].species[..]), (2.0, 0.01 / 0.1, &[0][..]));
-    assert_eq!((found.run.until_of, found.run.pressure), (UntilOf::PackingFraction, None));
+    assert_eq!(found.run.until_of, UntilOf::PackingFraction);
     let edge = 8.0 * (1.0 - 0.1 * found.run.until.unwrap());
     assert!((FILLED / edge.powi(3) - 0.5).abs() < 1e-14);
     // Diameters are those of the largest particles; an earlier end of the run comes first.
@@ -263,7 +263,7 @@ fn growth_is_a_compression_that_ends_on_a_packing_fraction() {
 #[test]
 fn growth_ends_on_a_reduced_pressure_or_where_the_box_is_full() {
     let found = sound("", "growth = { rate = 0.1, until_reduced_pressure = 1e3 }");
-    assert_eq!(found.run.pressure, Some(PressureEnd { reduced_pressure: 1e3, interval: 0.01 / 0.1 }));
+    assert_eq!(found.run.growth.unwrap().end, Some(GrowthEnd::ReducedPressure(1e3)));
     assert_eq!((found.run.until_of, found.run.until), (UntilOf::Box, Some(found.box_limit.unwrap().time)));
 }
 

@@ -77,11 +77,22 @@ pub(super) fn more_room(by_fraction: bool) -> &'static str {
 impl Assembler<'_> {
     pub(super) fn domain_plan(&mut self, species: bool, explicit: bool) -> DomainPlan {
         let d = self.dimension.count();
-        let config = self.config.domain.get_or_insert_with(DomainConfig::default).clone();
+        let mut config = self.config.domain.get_or_insert_with(DomainConfig::default).clone();
         let from_file = matches!(
             self.config.initial.as_ref().and_then(|initial| initial.positions.as_ref()),
             Some(PositionsConfig::File(_))
         );
+        let grown = match self.config.initial.as_ref().and_then(|initial| initial.positions.as_ref()) {
+            Some(PositionsConfig::Grown(grown)) => grown.packing,
+            _ => None,
+        };
+        // The packing makes its box.
+        if let (Some(packing), None, None) = (grown, &config.size, config.packing_fraction) {
+            config.packing_fraction = Some(packing);
+            if let Some(domain) = &mut self.config.domain {
+                domain.packing_fraction = Some(packing);
+            }
+        }
         let size_path = at(["domain", "size"]);
         let has_size = config.size.is_some() || config.packing_fraction.is_some() || (species && from_file);
         let size = config.size.as_ref().and_then(|given| {
@@ -292,7 +303,10 @@ impl Assembler<'_> {
             let (lattice, reached) = if d == 3 { ("fcc", 0.74) } else { ("hexagonal", 0.907) };
             let more_room = more_room(by_fraction);
             let remedy = if random && fraction < reached {
-                format!("{more_room}, or take initial.positions = \"{lattice}\"")
+                let fraction = significant(fraction, 6);
+                format!(
+                    "{more_room}, or take initial.positions = {{ packing = {fraction} }} or \"{lattice}\""
+                )
             } else {
                 more_room.to_owned()
             };

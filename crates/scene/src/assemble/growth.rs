@@ -12,10 +12,12 @@ use super::{
     values::{LARGEST, SMALLEST, at, positive},
 };
 use crate::config::GrowthConfig;
-use crate::model::scene::{BoxLimit, PressureEnd, RunPlan, UntilOf};
+use crate::model::scene::{BoxLimit, GrowthEnd, GrowthRun, RunPlan, UntilOf};
 
-/// Part of 1/γ between two rescalings of velocities, and between two tests of the pressure.
+/// Longest time between two rescalings of velocities, as a part of 1/γ.
 const STEP: f64 = 0.01;
+/// Collisions of a particle between two tests of the pressure: in the meantime it grows by less than a half.
+const STEPS: u64 = 10;
 
 /// `[growth]`, with valid values.
 pub(super) struct GrowthPlan {
@@ -38,8 +40,9 @@ impl GrowthPlan {
 
     /// The drive that rescales velocities, if there is a temperature.
     pub(super) fn rescaling(&self, species: usize, rows: &Rows) -> Option<Drive> {
-        let interval = STEP / self.relative(rows.largest_radius());
-        let kind = DriveKind::Rescale { temperature: self.config.temperature?, interval };
+        // Near jamming heating becomes ever faster.
+        let longest = STEP / self.relative(rows.largest_radius());
+        let kind = DriveKind::Hold { temperature: self.config.temperature?, longest };
         Some(Drive { kind, species: (0..species as u32).collect() })
     }
 }
@@ -132,10 +135,13 @@ impl Assembler<'_> {
     ) {
         let largest = system.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
         let rate = plan.relative(largest);
-        run.pressure = plan
-            .config
-            .until_reduced_pressure
-            .map(|reduced_pressure| PressureEnd { reduced_pressure, interval: STEP / rate });
+        let end = match (plan.config.until_packing_fraction, plan.config.until_reduced_pressure) {
+            (Some(fraction), _) => Some(GrowthEnd::PackingFraction(fraction)),
+            (None, Some(pressure)) => Some(GrowthEnd::ReducedPressure(pressure)),
+            (None, None) => None,
+        };
+        // A collision is one of two particles.
+        run.growth = Some(GrowthRun { step: (STEPS * system.bodies.len() as u64).div_ceil(2), end });
         let Some(fraction) = plan.config.until_packing_fraction else { return };
         let path = at(["growth", "until_packing_fraction"]);
         let start = plan::packing_fraction(system);

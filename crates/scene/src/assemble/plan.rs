@@ -149,7 +149,7 @@ impl Assembler<'_> {
             self.document.report(&at(["run", key]), "one particle alone never collides: give run.until");
         }
         let wall_time = run.wall_time.and_then(|time| time.duration());
-        RunPlan { until: run.until, until_of: UntilOf::Run, collisions, wall_time, pressure: None }
+        RunPlan { until: run.until, until_of: UntilOf::Run, collisions, wall_time, growth: None }
     }
 
     pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {

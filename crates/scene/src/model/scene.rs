@@ -34,13 +34,22 @@ pub enum UntilOf {
     Box,
 }
 
-/// The reduced pressure at which a run of growth ends.
+/// The growth of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PressureEnd {
-    /// P V/(N T) of a sample that ends the run: at least this.
-    pub reduced_pressure: f64,
-    /// Time between tests, if there are no samples of observables [time].
-    pub interval: f64,
+pub struct GrowthRun {
+    /// Sphere–sphere collisions between two samples, at which the pressure is tested.
+    pub step: u64,
+    /// What ends the run.
+    pub end: Option<GrowthEnd>,
+}
+
+/// What ends a growth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum GrowthEnd {
+    /// A packing fraction, unless the particles jam before.
+    PackingFraction(f64),
+    /// The reduced pressure P V/(N T) of a sample: at least this.
+    ReducedPressure(f64),
 }
 
 /// Length of the run; the first bound that is reached ends it. At least one of `until` and `collisions` is
@@ -56,8 +65,8 @@ pub struct RunPlan {
     pub collisions: Option<u64>,
     /// Time on the clock.
     pub wall_time: Option<Duration>,
-    /// Reduced pressure.
-    pub pressure: Option<PressureEnd>,
+    /// The growth, if particles grow.
+    pub growth: Option<GrowthRun>,
 }
 
 /// The last time at which a box that is compressed can be.
