@@ -213,8 +213,8 @@ impl Simulation {
         let speeds = (0..world.particles.len() as u32)
             .map(|i| world.peculiar(i, world.now).1.abs())
             .fold(DVec3::ZERO, DVec3::max);
-        let edge = world.periodicity(world.now).size.min_element();
-        images.path_left(speeds, world.clock.time(world.now)) < PATH * edge
+        let time = world.clock.time(world.now);
+        images.path_left(speeds, time) < PATH * images.edges(time).min_element()
     }
 
     /// Makes the search again for the present edges of a box that deforms.
