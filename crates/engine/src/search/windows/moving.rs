@@ -99,7 +99,9 @@ impl MovingFrame {
     pub fn start(&mut self, world: &World, ticks: i64, duration: f64, axes: &mut Axes) -> i32 {
         if self.images.stretches() {
             let time = world.clock.time(ticks);
-            let (edges, rates) = (self.images.edges(time), self.images.rates / self.images.scale(time));
+            // Those of the world: the system of a search has the edges at which it was made.
+            let edges = world.periodicity(ticks).size;
+            let rates = self.images.rates / self.images.scale(time);
             for axis in (0..3).filter(|&axis| self.images.rates[axis] != 0.0) {
                 axes.set_edge(axis, edges[axis]);
             }
