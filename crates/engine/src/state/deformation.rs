@@ -164,7 +164,8 @@ impl Deformation {
     ) -> [f64; N] {
         let before = self.scale(start);
         let constant = before * velocity - self.rates * position;
-        let parts = (duration / self.horizon(start).min(self.horizon(start + duration))).ceil().max(1.0);
+        let rates = [start, start + duration].map(|time| (self.rates / self.scale(time)).abs().max_element());
+        let parts = (duration * rates[0].max(rates[1]) / HORIZON).ceil().max(1.0);
         let step = duration / parts;
         let mut sums = [0.0; N];
         for part in 0..parts as u64 {
