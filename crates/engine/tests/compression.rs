@@ -65,8 +65,9 @@ fn trajectory_under_compression_is_independent_of_search_slices_and_resumption()
     check_independence(&scene, &[0.5, 3.0]);
 }
 
-/// Particles whose diameters grow as 1 + γ t in a fixed box, without the engine: every pair with all images near
-/// it, contact times by the quadratic formula. With x = r/(1 + γ t) and τ = t/(1 + γ t) it is the compressed box.
+/// Particles whose diameters grow as 1 + γ t in a fixed box, without the engine: every pair with all images
+/// near it, contact times by the quadratic formula. With x = r/(1 + γ t) and τ = t/(1 + γ t) it is the
+/// compressed box.
 struct Growing {
     position: Vec<DVec3>,
     velocity: Vec<DVec3>,
@@ -227,8 +228,8 @@ fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
     }
 }
 
-/// T V^{2/3} of a dilute gas, in two dimensions T V, at any rate: peculiar velocities change as 1/s. What collisions
-/// add is 4 φ of it, in two dimensions 2 φ, per unit of ln V.
+/// T V^{2/3} of a dilute gas, in two dimensions T V, at any rate: peculiar velocities change as 1/s. What
+/// collisions add is 4 φ of it, in two dimensions 2 φ, per unit of ln V.
 #[test]
 fn a_dilute_gas_is_compressed_adiabatically() {
     for (dimension, rate) in [(Dimension::Three, 0.002), (Dimension::Three, 0.1), (Dimension::Two, 0.01)] {
@@ -252,8 +253,9 @@ fn a_dilute_gas_is_compressed_adiabatically() {
     }
 }
 
-/// The heating of a dense fluid that is compressed slowly, d ln T = ⅔ Z d ln φ, with Z of Carnahan and Starling
-/// (J. Chem. Phys. 51, 635 (1969)). A bulk viscosity adds a part in proportion to the rate, which two rates remove.
+/// The heating of a dense fluid that is compressed slowly, d ln T = ⅔ Z d ln φ, with Z of Carnahan and
+/// Starling (J. Chem. Phys. 51, 635 (1969)). A bulk viscosity adds a part in proportion to the rate, which
+/// two rates remove.
 #[test]
 fn a_dense_fluid_is_heated_by_its_pressure() {
     let (from, to) = (0.1_f64, 0.3_f64);
@@ -283,13 +285,14 @@ fn a_dense_fluid_is_heated_by_its_pressure() {
         assert!((sample.packing_fraction / to - 1.0).abs() < 1e-12);
         (sample.temperature / before).ln() - expected
     });
-    // Of ln T = 1.8: the equation of state is right to 0.2 %, and the fixed momentum counts one part in 1,728.
+    // Of ln T = 1.8: the equation of state is right to 0.2 %, and the fixed momentum counts one part in
+    // 1,728.
     assert!(excess[0] > excess[1] && excess[1] > 0.0, "{excess:?}");
     assert!((2.0 * excess[1] - excess[0]).abs() < 5e-3, "{excess:?}");
 }
 
-/// Reversed velocities, and edges that go back: an elastic gas retraces its path. Differences grow by a factor of
-/// about ten in each collision of a particle.
+/// Reversed velocities, and edges that go back: an elastic gas retraces its path. Differences grow by a
+/// factor of about ten in each collision of a particle.
 #[test]
 fn a_reversed_compression_returns() {
     for (rates, seed) in [(DVec3::splat(0.1), 1), (DVec3::new(0.3, -0.1, 0.05), 2)] {
