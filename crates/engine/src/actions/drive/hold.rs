@@ -9,6 +9,9 @@ use super::{driven::Driven, rescale::rescale};
 
 /// Change of the temperature between two actions, as its logarithm, that the intervals aim at.
 const CHANGE: f64 = 0.2;
+/// The first interval, as a part of the longest: a run can start close to jamming, where heating is fast, and
+/// particles that are heated without bound would never reach the time of the next action.
+const FIRST: f64 = 1e-3;
 /// Factors by which an interval can differ from the one before.
 const FACTORS: (f64, f64) = (0.25, 2.0);
 
@@ -28,7 +31,8 @@ pub(super) struct Hold {
 impl Hold {
     pub fn new(index: usize, driven: Driven, temperature: f64, longest: f64) -> Self {
         let name = format!("drive.{index}");
-        Self { name, driven, temperature, longest, interval: longest, next: longest }
+        let first = FIRST * longest;
+        Self { name, driven, temperature, longest, interval: first, next: first }
     }
 }
 
