@@ -270,7 +270,10 @@ class File(ReadOnly):
 
     @cached_property
     def box(self) -> Box:
-        """The simulation box; of a sheared run that of the first frame, each frame has its own :attr:`Frame.box`."""
+        """The simulation box; of a sheared or a deforming run that of the first frame.
+
+        There each frame has its own, :attr:`Frame.box`.
+        """
         place, shear = "particles/all/box", self.shear
         stored = self.stored.listed(f"{place}@boundary", self.stored.attribute(place, "boundary")) or []
         if len(stored) > 3 or not set(stored) <= {"periodic", "none"}:
@@ -337,6 +340,11 @@ class File(ReadOnly):
         column.require(edges, same | ~np.eye(3, dtype=bool), must, rows)
         return [self._box(one, self.box.boundary, self.shear) for one in edges]
 
+    def _deformed_boxes(self, column: Column, edges: Array, rows: range) -> list[Box]:
+        """Boxes of frames of a deforming run from their edge lengths ``[F, 3]``, checked."""
+        column.require(edges, _positive(edges), f"in [{SMALLEST:g}, {LARGEST:g}]", rows)
+        return [Box(one, self.box.boundary, self.dimension) for one in edges]
+
     def _box(self, edges: Array, sides: Sequence[str], shear: Shear | None) -> Box:
         displacement = None
         if shear is not None:
@@ -363,6 +371,14 @@ class File(ReadOnly):
                 f"domain.shear.gradient = {quoted(given['gradient'])}: must be another axis than the flow",
             )
         return Shear(flow, gradient, float(given["rate"]))
+
+    @property
+    def deforming(self) -> bool:
+        """Whether edges of the box change their lengths with time: ``domain.compression`` or ``growth`` of the scene.
+
+        Growth of the particles is recorded as compression of the box.
+        """
+        return "compression" in self.scene.get("domain", {}) or "growth" in self.scene
 
     @cached_property
     def dimension(self) -> int:

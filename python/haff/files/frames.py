@@ -244,7 +244,7 @@ class Frame(ReadOnly):
 
     @cached_property
     def box(self) -> Box:
-        """The simulation box, at the time of the frame if it is sheared."""
+        """The simulation box, at the time of the frame if it is sheared or deforming."""
         return self._frames._boxes(range(self._row, self._row + 1))[0]
 
     @property
@@ -321,7 +321,10 @@ class Frames(ReadOnly, Sequence["Frame"]):
         for name, kinds in _VECTORS.items():
             if name == "position" or stored.find(f"{base}/{name}") is not None:
                 self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
-        self._edges = None if file.shear is None else stored.column(f"{base}/box/edges/value", (None, 3, 3), "f")
+        self._edges: Column | None = None
+        if file.shear is not None or file.deforming:
+            shape = (None, 3) if file.shear is None else (None, 3, 3)
+            self._edges = stored.column(f"{base}/box/edges/value", shape, "f")
         if rows is None:
             moving = () if self._edges is None else (self._edges,)
             length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
@@ -346,8 +349,9 @@ class Frames(ReadOnly, Sequence["Frame"]):
         if name != "image":
             column.require_finite(values, rows)
         if name == "position":
-            slack = 1e-9 * box.size
-            inside = (values >= -slack) & (values <= box.size + slack)
+            size = box.size if not self._file.deforming else np.stack([b.size for b in self._boxes(rows)])[:, None]
+            slack = 1e-9 * size
+            inside = (values >= -slack) & (values <= size + slack)
             column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
         return values
 
@@ -355,7 +359,14 @@ class Frames(ReadOnly, Sequence["Frame"]):
         """The boxes of some frames."""
         if self._edges is None:
             return [self._file.box] * len(rows)
-        return self._file._sheared_boxes(self._edges, _take(self._edges, rows), rows)
+        edges = _take(self._edges, rows)
+        if self._file.shear is None:
+            return self._file._deformed_boxes(self._edges, edges, rows)
+        return self._file._sheared_boxes(self._edges, edges, rows)
+
+    def boxes(self) -> list[Box]:
+        """The box of each frame."""
+        return self._boxes(self._rows)
 
     def _times(self, rows: range) -> Array:
         time = _take(self._time, rows)

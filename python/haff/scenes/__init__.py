@@ -192,7 +192,7 @@ def recorded_state(path: str | os.PathLike[str], index: int = -1) -> dict[str, A
         spins = frame.angular_velocity
         return {
             "precision": 0.0,
-            "size": np.asarray(file.box.size, np.float64),
+            "size": np.asarray(frame.box.size, np.float64),
             # Where a sheared scene goes on, its images are displaced as in the file.
             "edges": None if file.shear is None else np.asarray(frame.box.edges, np.float64),
             "position": np.asarray(frame.position, np.float64),
