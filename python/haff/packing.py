@@ -353,12 +353,17 @@ class Packing(ReadOnly):
 
 
 def _put(scene: dict[str, Any], key: str, value: Any) -> None:
-    """Sets a dotted key of a scene; numbers in it are places in arrays of tables."""
+    """Sets a dotted key of a scene; an entry of an array of tables has its number or its name in the key."""
     *path, last = key.split(".")
     node: Any = scene
     try:
         for part in path:
-            node = node[int(part)] if isinstance(node, list) else node.setdefault(part, {})
+            node = node[_entry(node, part)] if isinstance(node, list) else node.setdefault(part, {})
         node[int(last) if isinstance(node, list) else last] = value
     except (AttributeError, IndexError, TypeError, ValueError):
         raise ArgumentError(f"{key.replace('.', '__')} = {quoted(value)}: the scene has no such place") from None
+
+
+def _entry(tables: list[Any], part: str) -> int:
+    names = [one.get("name") for one in tables if isinstance(one, dict)]
+    return names.index(part) if part in names else int(part)

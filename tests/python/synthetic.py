@@ -630,8 +630,9 @@ def grown(
 ) -> Path:
     """A run of growth that ends with these particles, as `haff pack` writes it: radii are constant, the box shrinks.
 
-    `size`: edges at the end; `pressures`: reduced pressures of the later frames, by p = d/(1 − φ/φ_J), the last one
-    with the box at the end. Particles keep their places relative to the box. Masses are 1, and so is the temperature.
+    `size`: edges at the end; `pressures`: reduced pressures at the later frames, by p = d/(1 − φ/φ_J), the last one
+    with the box at the end. Samples have the mean over the interval before them, at a constant rate of φ. Particles
+    keep their places relative to the box. Masses are 1, and so is the temperature.
     """
     position, size, n = np.asarray(position, float), np.asarray(size, float), len(position)
     radius = np.broadcast_to(np.asarray(radius, float), n)
@@ -639,8 +640,9 @@ def grown(
     volume = float(np.sum(np.pi * radius**2 * (1 if d == 2 else 4 / 3 * radius)))
     final = volume / float(np.prod(size[:d]))
     jam = final / (1 - d / p[-1])
-    # The first frame has no pressure yet: samples have the mean of the interval before them.
     phi = np.concatenate([[jam / 3], jam * (1 - d / p)])
+    away = np.concatenate([[2 / 3], d / p])
+    mean = d * np.log(away[:-1] / away[1:]) / -np.diff(away)
     edges = np.where(np.arange(3) < d, size * (final / phi)[:, None] ** (1 / d), 1.0)
     edges[-1, :d] = size[:d]
     place = np.zeros((n, 3))
@@ -652,9 +654,9 @@ def grown(
     velocity -= velocity.mean(axis=0)
     velocity *= math.sqrt(d * n / np.sum(velocity**2))
     box_volume = np.prod(edges[:, :d], axis=1)
-    kinds = np.zeros(n, int) if species is None else np.asarray(species)
+    kinds = np.zeros(n, int) if species is None else np.asarray(species).astype(int)
     sides = [{"p": "periodic", "w": "wall"}[side] for side in boundary[:d]]
-    scene = f"schema = 1\ntitle = \"Grown\"\nseed = 7\ndimension = {d}\n\n[domain]\nsize = {edges[0, :d].tolist()}\n"
+    scene = f'schema = 1\ntitle = "Grown"\nseed = 7\ndimension = {d}\n\n[domain]\nsize = {edges[0, :d].tolist()}\n'
     scene += f"boundary = {sides}\n\n[growth]\nrate = 0.01\n"
     for kind in np.unique(kinds):
         own = radius[kinds == kind]
@@ -668,7 +670,7 @@ def grown(
         frames={"time": time, "step": 1000 * np.arange(len(phi)), "position": where,
                 "velocity": np.tile(velocity, (len(phi), 1, 1)), "image": np.zeros(where.shape, np.int32)},
         observables={"time": time, "step": 1000 * np.arange(len(phi)), "kinetic_energy": zero + d * n / 2,
-                     "temperature": zero + 1.0, "pressure": np.concatenate([[np.nan], p * n / box_volume[1:]]),
+                     "temperature": zero + 1.0, "pressure": np.concatenate([[np.nan], mean * n / box_volume[1:]]),
                      "packing_fraction": phi, "box_volume": box_volume,
                      "collisions": 1000 * np.arange(len(phi))},
     )  # fmt: skip

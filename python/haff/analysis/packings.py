@@ -143,8 +143,8 @@ def rattlers(count: int, pairs: ArrayLike, dimension: int, *, walls: ArrayLike =
         A row is none of the particles.
     """
     count, d = arguments.count("count", count, 1), arguments.count("dimension", dimension, 2, 3)
-    both = _rows("pairs", pairs, count, "[K, 2]").reshape(-1, 2)
-    fixed = _rows("walls", walls, count, "[W]").ravel()
+    both = _rows("pairs", pairs, count, "[K, 2]")
+    fixed = _rows("walls", walls, count, "[W]")
     loose = np.zeros(count, bool)
     while True:
         held = ~loose[both].any(axis=1)
@@ -156,8 +156,11 @@ def rattlers(count: int, pairs: ArrayLike, dimension: int, *, walls: ArrayLike =
 
 
 def _rows(name: str, values: ArrayLike, count: int, shape: str) -> NDArray[np.int64]:
-    found = arguments.reals(name, values) if np.size(values) else np.zeros((0, 2)[: shape.count(",") + 1])
-    if found.ndim != shape.count(",") + 1 or (found.ndim == 2 and found.shape[1] != 2):
+    """Rows of particles, in an array of a shape; an empty one may have any."""
+    found, axes = arguments.reals(name, values), shape.count(",") + 1
+    if found.size == 0:
+        return np.zeros((0, 2)[:axes], np.int64)
+    if found.ndim != axes or (axes == 2 and found.shape[1] != 2):
         raise ArgumentError(f"{name} = {quoted(values)}, of shape {found.shape}: must be {shape}")
     if not ((found >= 0) & (found < count) & (found == np.floor(found))).all():
         raise ArgumentError(f"{name} = {quoted(values)}: must be rows, whole numbers from 0 to {count - 1}")
