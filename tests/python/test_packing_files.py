@@ -120,6 +120,21 @@ def test_state_for_scenes_has_the_box_of_its_frame(paths):
         np.testing.assert_array_equal(recorded_state(paths["spheres"], 0)["size"], run.frames[0].box.size)
 
 
+def test_figures_and_pages_do_not_mix_the_densities_of_a_growing_run(paths, tmp_path):
+    with haff.open(paths["spheres"]) as run:
+        assert [frame.index for frame in analysis.drawn_frames(run, 5)] == [41]
+        assert "t = 41" in figures.draw(run, "structure").texts[-1].get_text()
+        with pytest.raises(NotApplicableError, match=r"the edges of the box change with time$"):
+            analysis.cooling_law(run)
+        notes: list[str] = []
+        haff.view(run, tmp_path / "page.html", notes=notes)
+        assert any("longest edges" in note for note in notes)
+        notes.clear()
+        haff.view(run, tmp_path / "last.html", frames=-1, notes=notes)
+        edge = float(run.frames[-1].box.size[0])
+        assert not notes and f'"size":[{edge!r}' in (tmp_path / "last.html").read_text()
+
+
 # --- the object ----------------------------------------------------------------------------------------
 
 
