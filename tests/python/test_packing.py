@@ -177,6 +177,21 @@ def test_rattlers_are_taken_out_in_turn():
     assert nothing.backbone == 0 and np.isnan(nothing.contact_number) and np.isnan(nothing.isostatic_number)
 
 
+def test_rattlers_are_those_of_the_definition():
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        n, d = int(rng.integers(1, 40)), int(rng.integers(2, 4))
+        pairs, walls = rng.integers(0, n, (rng.integers(0, 3 * n), 2)), rng.integers(0, n, rng.integers(0, n))
+        loose = np.zeros(n, bool)
+        for _ in range(n):
+            held = pairs[~loose[pairs].any(axis=1)]
+            loose |= np.bincount(held.ravel(), minlength=n) + np.bincount(walls, minlength=n) <= d
+        np.testing.assert_array_equal(analysis.rattlers(n, pairs, d, walls=walls), loose)
+    # A strip of triangles falls apart from its ends, one particle after the other.
+    strip = [(k, k + step) for k in range(20_000) for step in (1, 2) if k + step < 20_000]
+    assert analysis.rattlers(20_000, strip, 2).all()
+
+
 def test_contacts_with_walls_hold_disks():
     # Four disks in a square box: two neighbors and two walls each.
     position = np.array([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5]]) * WIDE

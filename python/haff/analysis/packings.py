@@ -145,14 +145,21 @@ def rattlers(count: int, pairs: ArrayLike, dimension: int, *, walls: ArrayLike =
     count, d = arguments.count("count", count, 1), arguments.count("dimension", dimension, 2, 3)
     both = _rows("pairs", pairs, count, "[K, 2]")
     fixed = _rows("walls", walls, count, "[W]")
+    # The contacts of each particle, one after the other: those of particle k are from starts[k] on.
+    first, second = np.concatenate([both, both[:, ::-1]]).T
+    second = second[np.argsort(first, kind="stable")]
+    touching = np.bincount(first, minlength=count)
+    starts = np.cumsum(touching) - touching
+    contacts = touching + np.bincount(fixed, minlength=count)
     loose = np.zeros(count, bool)
-    while True:
-        held = ~loose[both].any(axis=1)
-        contacts = np.bincount(both[held].ravel(), minlength=count) + np.bincount(fixed, minlength=count)
-        found = contacts <= d
-        if np.array_equal(found | loose, loose):
-            return loose
-        loose |= found
+    found = np.flatnonzero(contacts <= d)
+    while len(found):
+        loose[found] = True
+        lost = np.concatenate([second[starts[k] : starts[k] + touching[k]] for k in found])
+        np.subtract.at(contacts, lost, 1)
+        lost = np.unique(lost)
+        found = lost[~loose[lost] & (contacts[lost] <= d)]
+    return loose
 
 
 def _rows(name: str, values: ArrayLike, count: int, shape: str) -> NDArray[np.int64]:
