@@ -175,7 +175,7 @@ fn cells(criterion: &mut Criterion) {
             radius: 0.5,
             radii: Vec::new(),
             planes: Vec::new(),
-            sliding: None,
+            deforming: None,
         };
         let mut random = random();
         let middle = DVec3::splat(0.5 * edge);

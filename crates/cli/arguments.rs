@@ -45,6 +45,8 @@ pub enum Command {
     Info(Info),
     /// Measure collisions per second on standard scenes.
     Bench(Bench),
+    /// Make a packing: hard spheres or disks that grow to a packing fraction, or until they jam.
+    Pack(Pack),
     /// Run a scene for every combination of values and seeds, one file each.
     Sweep(Sweep),
     /// Draw the standard figures of an output file (needs the Python package haff).
@@ -79,6 +81,7 @@ impl Command {
             Self::Check(options) => options.json,
             Self::Info(options) => options.json,
             Self::Bench(options) => options.json,
+            Self::Pack(options) => options.json,
             Self::Sweep(options) => options.json,
             _ => false,
         }
@@ -129,6 +132,74 @@ pub struct Run {
     /// which then begins at this checkpoint.
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
+}
+
+/// The box of a packing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Container {
+    /// Periodic along all axes.
+    Periodic,
+    /// Walls on all sides.
+    Box,
+}
+
+// One bool for each switch of the command line.
+#[allow(clippy::struct_excessive_bools)]
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  haff pack 1000 --packing-fraction 0.6 -o packing.h5
+  haff pack 10000 --jammed --seed 3 -o jammed.h5
+  haff pack 2000 --jammed --dimension 2 --sizes '{ list = [0.5, 0.7] }' -o disks.h5
+  haff pack 500 --packing-fraction 0.55 --container box -o walled.h5
+
+The last frame of the file is the packing: a start of scenes as initial.positions = { file = \"packing.h5\" }.
+haff plot FILE --kind contacts draws it, haff.pack in Python returns it.")]
+pub struct Pack {
+    /// Number of particles.
+    #[arg(value_name = "N", value_parser = clap::value_parser!(u32).range(2..=10_000_000))]
+    pub count: u32,
+    /// Packing fraction at which the growth ends, exactly to rounding.
+    #[arg(long, value_name = "PHI", required_unless_present = "jammed", conflicts_with = "jammed")]
+    pub packing_fraction: Option<f64>,
+    /// Grow until the particles jam.
+    #[arg(long)]
+    pub jammed: bool,
+    /// Reduced pressure P V/(N T) that counts as jammed.
+    #[arg(long, value_name = "P", default_value_t = 1e9, conflicts_with = "packing_fraction")]
+    pub reduced_pressure: f64,
+    /// Radii, as the radius of a species in scenes, in TOML: 0.5 (default), { list = [0.5, 0.7] },
+    /// { lognormal = [0.5, 0.1] }, …
+    #[arg(long, value_name = "TOML")]
+    pub sizes: Option<String>,
+    /// 3: spheres; 2: disks.
+    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub dimension: u8,
+    /// The box.
+    #[arg(long, value_enum, default_value_t = Container::Periodic)]
+    pub container: Container,
+    /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams later, and
+    /// equal particles crystallise. Default: 0.1 up to packing fractions of 0.62 (disks: 0.82), 0.01 above, 0.03
+    /// to jamming.
+    #[arg(long, value_name = "R")]
+    pub rate: Option<f64>,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub seed: u64,
+    /// Output file (HDF5).
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Threads; all processors by default. No result depends on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Replace an existing output file.
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Print only errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// Print the result as one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]

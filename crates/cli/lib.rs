@@ -38,7 +38,7 @@ pub use haff_scene::{
 };
 
 use arguments::Command;
-use commands::{bench, check, info, init, manual, run, sweep};
+use commands::{bench, check, info, init, manual, pack, run, sweep};
 use running::python;
 use terminal::{failure::Status, log, memory, output, signals, words};
 
@@ -70,6 +70,7 @@ pub fn main_with(plugins: Plugins) -> ExitCode {
         Command::View(options) => python::run("view", &options.arguments),
         Command::Man(options) => manual::man(&options),
         Command::Completions(options) => manual::completions(&options),
+        Command::Pack(options) => pack::pack(&options, arguments.verbose > 0),
         Command::Sweep(options) => sweep::sweep(&options),
     };
     match result {

@@ -151,6 +151,8 @@ class File(ReadOnly):
         if self.shear is not None:
             flow, gradient, rate = self.shear
             found.append(("shear", f"flow along {AXES[flow]}, gradient along {AXES[gradient]}, rate {rate:g}"))
+        if self.compression is not None:
+            found.append(("compression", " × ".join(f"{rate:g}" for rate in self.compression[: self.dimension])))
         for part in ("frames", "observables", "events"):
             if part not in self:
                 text = "not recorded"
@@ -270,9 +272,9 @@ class File(ReadOnly):
 
     @cached_property
     def box(self) -> Box:
-        """The simulation box; of a sheared or a deforming run that of the first frame.
+        """The simulation box.
 
-        There each frame has its own, :attr:`Frame.box`.
+        Where it is sheared or compressed that of the first frame: each frame has its own :attr:`Frame.box`.
         """
         place, shear = "particles/all/box", self.shear
         stored = self.stored.listed(f"{place}@boundary", self.stored.attribute(place, "boundary")) or []
@@ -340,10 +342,12 @@ class File(ReadOnly):
         column.require(edges, same | ~np.eye(3, dtype=bool), must, rows)
         return [self._box(one, self.box.boundary, self.shear) for one in edges]
 
-    def _deformed_boxes(self, column: Column, edges: Array, rows: range) -> list[Box]:
-        """Boxes of frames of a deforming run from their edge lengths ``[F, 3]``, checked."""
+    def _boxes(self, column: Column, edges: Array, rows: range) -> list[Box]:
+        """Boxes of frames from their edge vectors ``[F, 3, 3]``, or from edge lengths ``[F, 3]``, checked."""
+        if self.shear is not None:
+            return self._sheared_boxes(column, edges, rows)
         column.require(edges, _positive(edges), f"in [{SMALLEST:g}, {LARGEST:g}]", rows)
-        return [Box(one, self.box.boundary, self.dimension) for one in edges]
+        return [Box(lengths, self.box.boundary, self.dimension) for lengths in edges]
 
     def _box(self, edges: Array, sides: Sequence[str], shear: Shear | None) -> Box:
         displacement = None
@@ -372,13 +376,24 @@ class File(ReadOnly):
             )
         return Shear(flow, gradient, float(given["rate"]))
 
-    @property
-    def deforming(self) -> bool:
-        """Whether edges of the box change their lengths with time: ``domain.compression`` or ``growth`` of the scene.
+    @cached_property
+    def compression(self) -> Array | None:
+        """``[3]`` γ of each axis [1/time]: the edges are L (1 − γ t); ``None`` if the box keeps its size.
 
-        Growth of the particles is recorded as compression of the box.
+        It is ``domain.compression`` of the scene, or follows from its ``growth``.
         """
-        return "compression" in self.scene.get("domain", {}) or "growth" in self.scene
+        growth, given = self.scene.get("growth"), self.scene.get("domain", {}).get("compression", {})
+        rates = np.zeros(3)
+        if growth is not None:
+            rates[: self.dimension] = float(growth["rate"]) / (2 * float(self.radius.max(initial=SMALLEST)))
+        elif "rates" in given and len(given["rates"]) < self.dimension:
+            fault = f"domain.compression.rates = {quoted(given['rates'])}: must be {self.dimension} numbers"
+            raise self.stored.wrong("parameters/scene", fault)
+        elif "rates" in given:
+            rates[: self.dimension] = given["rates"][: self.dimension]
+        else:
+            rates[: self.dimension] = float(given.get("rate", 0.0))
+        return rates if rates.any() else None
 
     @cached_property
     def dimension(self) -> int:

@@ -256,6 +256,30 @@ SCENES: dict[str, dict[str, Any]] = {
         "run": _SHORT,
         "output": _OUTPUT,
     },
+    "compressed": {
+        "domain": {**_BOX, "compression": {"rate": 0.05}},
+        "species": [_GRAIN],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "elongated": {
+        "domain": {**_BOX, "compression": {"rates": [0.04, -0.02, -0.02]}},
+        "species": [_GRAIN],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "grown": {
+        "domain": {"packing_fraction": 0.1},
+        "species": [_GRAIN],
+        "growth": {"rate": 0.05, "temperature": 1.0, "until_packing_fraction": 0.2},
+        "output": _OUTPUT,
+    },
+    "pressed": {
+        "domain": {"packing_fraction": 0.1},
+        "species": [_GRAIN],
+        "growth": {"rate": 0.05, "until_reduced_pressure": 1.5},
+        "output": _OUTPUT,
+    },
     "lists": {
         "domain": {"packing_fraction": 0.3},
         "species": [_GRAIN],

@@ -2,8 +2,8 @@
 
 use haff_engine::{Boundary, Dimension, significant};
 use haff_record::FileSize;
-use haff_scene::{Scene, Schedule};
-use serde_json::json;
+use haff_scene::{Scene, Schedule, UntilOf};
+use serde_json::{Value, json};
 
 use crate::{
     arguments::Check,
@@ -33,6 +33,39 @@ fn records(schedule: Schedule, until: f64) -> u64 {
             count
         }
     }
+}
+
+/// Edges \[length\] and packing fraction of a box that is compressed, at a time.
+fn compressed(scene: &Scene, time: f64) -> Option<(Vec<f64>, f64)> {
+    let (system, axes) = (&scene.system, scene.system.dimension.count());
+    let size = system.domain.size;
+    let edges = system.domain.compression?.edges(size, time).to_array()[..axes].to_vec();
+    let shrinks: f64 = (0..axes).map(|axis| edges[axis] / size[axis]).product();
+    Some((edges, scene.packing_fraction / shrinks))
+}
+
+/// What becomes of a box that is compressed, as a line and as JSON.
+fn deformation(scene: &Scene) -> Option<(String, Value)> {
+    scene.system.domain.compression?;
+    let Some((until, (edges, fraction))) = scene.run.until.and_then(|t| Some((t, compressed(scene, t)?)))
+    else {
+        return Some(("the box expands until the run ends".to_owned(), Value::Null));
+    };
+    let lengths: Vec<String> = edges.iter().map(|&edge| significant(edge, 6)).collect();
+    let at = significant(until, 9);
+    let box_then = format!("edges {}", lengths.join(" × "));
+    let fraction_then = if fraction.is_nan() {
+        String::new()
+    } else {
+        format!(", packing fraction {}", significant(fraction, 6))
+    };
+    let text = match (scene.run.until_of, &scene.box_limit) {
+        (UntilOf::Box, Some(limit)) => {
+            format!("{box_then}{fraction_then} at most, at t = {at}: {}", limit.why)
+        }
+        _ => format!("{box_then}{fraction_then} at the end, t = {at}"),
+    };
+    Some((text, json!({ "time": until, "edges": edges, "packing_fraction": fraction })))
 }
 
 /// The searches that can run a scene, one line each, and why the others cannot; none for linkages.
@@ -88,12 +121,14 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     });
     let memory = estimate::memory(particles) + estimate::correlations(&system.measure, particles);
     let warnings = warnings(&scene);
+    let deformation = deformation(&scene);
     if options.json {
         let report = json!({
             "title": scene.title, "particles": particles, "dimension": axes,
             "packing_fraction": scene.packing_fraction, "temperature": temperature,
             "collision_rate": rate, "collision_rate_unknown": scene.rate_unknown, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
+            "deformation": deformation.map(|(_, report)| report),
             "warnings": warnings,
         });
         return output::line(report).map(|()| 0);
@@ -111,6 +146,7 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     } else {
         format!("packing fraction    {}", significant(scene.packing_fraction, 6))
     });
+    text.extend(deformation.map(|(line, _)| format!("deformation         {line}")));
     text.push(format!("temperature         {}", significant(temperature, 6)));
     text.push(match rate {
         // Each collision involves two particles.

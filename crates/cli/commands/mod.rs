@@ -1,7 +1,7 @@
 /*!
 A file, or a folder, for each subcommand.
 
-*What is here.* [`run`], [`check`], [`init`], [`info`], [`bench`], [`sweep`] and [`manual`], which writes man
+*What is here.* [`run`], [`check`], [`init`], [`info`], [`bench`], [`pack`], [`sweep`] and [`manual`], which writes man
 pages and completions. `plot`, `export` and `view` are handed to the Python package by `running/python.rs`.
 
 *What to change here.* A new subcommand: its arguments in `arguments.rs`, and a file here. A new figure or
@@ -18,5 +18,6 @@ pub mod check;
 pub mod info;
 pub mod init;
 pub mod manual;
+pub mod pack;
 pub mod run;
 pub mod sweep;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use haff_engine::{EventRecord, Instant, Observer};
 use haff_linkage::AnySimulation;
-use haff_scene::{CHANGEABLE, Present, RunPlan, Scene};
+use haff_scene::{CHANGEABLE, Present, RunPlan, Scene, UntilOf};
 
 use crate::{
     arguments::Run,
@@ -109,8 +109,15 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
         parts,
     };
     let recorded = Recorded::default();
-    let session =
-        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded };
+    let session = Session {
+        simulation,
+        run,
+        output: &output,
+        recorder: recorder.as_ref(),
+        controls,
+        recorded,
+        compressed: None,
+    };
     let outcome = session.run(false);
     Ok(Finished::new(outcome, context, recorder))
 }
@@ -133,7 +140,11 @@ fn engine_keys(set: &[String]) -> Vec<String> {
 fn check_end(run: &RunPlan, simulation: &AnySimulation) -> Result<(), Failure> {
     let (time, done) = (simulation.time(), simulation.counters().collisions);
     let reached = match (run.until, run.collisions) {
-        (Some(until), _) if until <= time => Some(format!("run.until = {until}: the run is at t = {time}")),
+        (Some(until), _) if until <= time => Some(match run.until_of {
+            UntilOf::Run => format!("run.until = {until}: the run is at t = {time}"),
+            UntilOf::PackingFraction => "growth.until_packing_fraction: the run is there".to_owned(),
+            UntilOf::Box => format!("the box cannot become smaller: the run is at t = {time}"),
+        }),
         (_, Some(collisions)) if collisions <= done => {
             Some(format!("run.collisions = {collisions}: the run has {done}"))
         }

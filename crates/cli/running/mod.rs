@@ -5,7 +5,8 @@ One run: its state, its schedule, its files, and its report.
 in that way, for `haff run` and for each member of a sweep, [`continued`] goes on with changed keys in a new
 file. [`report`] is what a run prints, [`parts`] are the stretches between stops, [`states`] reads states of
 other files, [`warnings`] says what a scene will probably do, [`estimate`] how much memory it takes.
-[`schedule`] has the times of records, [`controls`] what ends a run from outside.
+[`schedule`] has the times of records, [`controls`] what ends a run from outside, [`compressing`] the ends of
+runs whose box shrinks.
 
 *What to change here.* What a run does at its times, and what it reports.
 
@@ -14,6 +15,7 @@ other files, [`warnings`] says what a scene will probably do, [`estimate`] how m
 *Begin with* [`session`].
 */
 
+pub mod compressing;
 pub mod continued;
 pub mod controls;
 pub mod estimate;

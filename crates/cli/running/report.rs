@@ -94,7 +94,7 @@ pub fn report(outcome: &Outcome, context: &Context) -> Value {
         report["continues"] = json!(file.display().to_string());
     }
     if let Ending::Failed(error) = &outcome.ending {
-        report["error"] = json!(error.to_string());
+        report["error"] = json!(outcome.told(&error.to_string()));
     }
     report
 }
@@ -113,6 +113,10 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
     let why = match &outcome.ending {
         Ending::Until => "reached run.until".to_owned(),
         Ending::Collisions => "reached the number of collisions".to_owned(),
+        Ending::PackingFraction => "reached growth.until_packing_fraction".to_owned(),
+        Ending::Jammed(why) => why.clone(),
+        Ending::ReducedPressure => "reached growth.until_reduced_pressure".to_owned(),
+        Ending::Box => "the box cannot become smaller".to_owned(),
         Ending::WallTime => "run.wall_time is used up".to_owned(),
         Ending::Signal(_) => "ended by a signal".to_owned(),
         Ending::Rest => "at rest: there are no further events".to_owned(),
@@ -161,6 +165,8 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         let file = output::path(file);
         output::message(format_args!("wrote {file}"));
         match &outcome.ending {
+            // It would collapse again.
+            Ending::Failed(_) if outcome.jammed.is_some() => {}
             Ending::Failed(AnySimulationError::Granular(EngineError::Collapse {
                 contact_duration,
                 rest_speed,

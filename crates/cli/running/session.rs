@@ -7,10 +7,14 @@ use console::Term;
 use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
-use haff_scene::{OutputPlan, RunPlan};
+use haff_scene::{OutputPlan, RunPlan, UntilOf};
 
 use crate::{
-    running::{controls::Controls, schedule::Times},
+    running::{
+        compressing::{self, Grown},
+        controls::Controls,
+        schedule::Times,
+    },
     terminal::{progress::Progress, watch::Watch},
 };
 
@@ -34,6 +38,14 @@ pub enum Ending {
     Until,
     /// `run.collisions` is reached.
     Collisions,
+    /// `growth.until_packing_fraction` is reached.
+    PackingFraction,
+    /// `growth.until_reduced_pressure` is reached.
+    ReducedPressure,
+    /// A growth has jammed before it has reached its packing fraction.
+    Jammed(String),
+    /// The box is as short or as full as it can be.
+    Box,
     /// `run.wall_time` is used up.
     WallTime,
     /// A signal.
@@ -50,8 +62,11 @@ impl Ending {
     /// The word for `stopped`.
     pub fn word(&self) -> &'static str {
         match self {
-            Self::Until => "until",
+            Self::Until | Self::Box => "until",
             Self::Collisions => "collisions",
+            Self::PackingFraction => "packing_fraction",
+            Self::ReducedPressure => "reduced_pressure",
+            Self::Jammed(_) => "jammed",
             Self::WallTime => "wall_time",
             Self::Signal(_) => "signal",
             Self::Rest => "rest",
@@ -80,7 +95,26 @@ impl Ending {
 
     /// Whether the run has reached the end given in its scene, so that nothing is left to resume.
     pub fn is_final(&self) -> bool {
-        matches!(self, Self::Until | Self::Collisions | Self::Rest)
+        matches!(
+            self,
+            Self::Until
+                | Self::Collisions
+                | Self::PackingFraction
+                | Self::ReducedPressure
+                | Self::Jammed(_)
+                | Self::Box
+                | Self::Rest
+        )
+    }
+}
+
+impl From<UntilOf> for Ending {
+    fn from(until: UntilOf) -> Self {
+        match until {
+            UntilOf::Run => Self::Until,
+            UntilOf::PackingFraction => Self::PackingFraction,
+            UntilOf::Box => Self::Box,
+        }
     }
 }
 
@@ -156,6 +190,8 @@ pub struct Session<'a> {
     pub controls: Controls<'a>,
     /// What has been recorded before.
     pub recorded: Recorded,
+    /// A box that is compressed, at the last sample.
+    pub compressed: Option<compressing::Compressed>,
 }
 
 /// Shows a sample with `--watch`, unless the last one is too recent.
@@ -171,6 +207,15 @@ pub struct Outcome {
     pub ending: Ending,
     /// Wall time of the run itself [s].
     pub wall: Duration,
+    /// What a box that becomes smaller is like, if it cannot go on.
+    pub jammed: Option<String>,
+}
+
+impl Outcome {
+    /// The text of an error that has ended the run, with what the box is like.
+    pub fn told(&self, error: &str) -> String {
+        self.jammed.as_ref().map_or_else(|| error.to_owned(), |jammed| format!("{jammed}: {error}"))
+    }
 }
 
 impl Session<'_> {
@@ -187,7 +232,8 @@ impl Session<'_> {
             }
         }
         tracing::info!(ending = ending.word(), time = self.simulation.time(), "end of the run");
-        Outcome { simulation: self.simulation, ending, wall: started.elapsed() }
+        let jammed = (ending.word() == "collapse").then(|| self.jammed()).flatten();
+        Outcome { simulation: self.simulation, ending, wall: started.elapsed(), jammed }
     }
 
     /// Runs events, and writes the records when they are due. `Err` if a record ends the run.
@@ -228,7 +274,8 @@ impl Session<'_> {
 
         let ending = loop {
             let due = frames.next().min(samples.next()).min(checkpoints.next());
-            let target = Until { time: due.min(until), collisions, entries: slice };
+            let step = self.next_step();
+            let target = Until { time: due.min(until), collisions: collisions.min(step), entries: slice };
             let began = Instant::now();
             let stop = self.simulation.advance(target, &mut log);
             // The length of a slice does not affect results: it only sets the points where the run may stop.
@@ -241,15 +288,26 @@ impl Session<'_> {
             match stop {
                 Err(error) => break Ending::Failed(error),
                 Ok(Stop::Rest) => break Ending::Rest,
-                Ok(Stop::Collisions) => break Ending::Collisions,
+                Ok(Stop::Collisions) if self.simulation.counters().collisions >= collisions => {
+                    break Ending::Collisions;
+                }
+                Ok(Stop::Collisions) => {
+                    self.record(false, true, &mut |sample| show(&mut watch, &progress, sample))?;
+                    if let Some(ending) = self.grown() {
+                        break ending;
+                    }
+                }
                 Ok(Stop::Time) => {
                     let frame = frames.take(target.time);
                     let sample = samples.take(target.time);
                     let checkpoint = checkpoints.take(target.time);
                     if target.time >= until {
-                        break Ending::Until;
+                        break self.run.until_of.into();
                     }
                     self.record(frame, frame || sample, &mut |sample| show(&mut watch, &progress, sample))?;
+                    if let Some(ending) = self.grown() {
+                        break ending;
+                    }
                     if checkpoint {
                         log.hand_over()?;
                         self.checkpoint()?;
@@ -278,6 +336,33 @@ impl Session<'_> {
         Ok(ending)
     }
 
+    /// The number of collisions at which the pressure of a growth is tested next: multiples of a number, so that a
+    /// run that is resumed has the same samples.
+    fn next_step(&self) -> u64 {
+        let done = self.simulation.counters().collisions;
+        self.run.growth.map_or(u64::MAX, |growth| (done / growth.step + 1).saturating_mul(growth.step))
+    }
+
+    /// How a growth ends at the last sample, if it does.
+    fn grown(&self) -> Option<Ending> {
+        let (growth, last) = (self.run.growth.as_ref()?, self.compressed?);
+        Some(match last.end(growth)? {
+            Grown::ReducedPressure => Ending::ReducedPressure,
+            Grown::Jammed { wanted } => Ending::Jammed(format!(
+                "{last}, below growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later"
+            )),
+        })
+    }
+
+    /// What a box that becomes smaller is like now.
+    fn jammed(&mut self) -> Option<String> {
+        if self.compressed.is_none_or(|last| last.time != self.simulation.time()) {
+            let row = self.simulation.sample();
+            self.compressed = compressing::Compressed::of(&self.simulation, &row);
+        }
+        self.compressed.filter(|last| last.shrinks).map(|last| last.to_string())
+    }
+
     /// Records the end, and a checkpoint.
     fn last_records(&mut self, ending: &Ending) -> Result<(), Ending> {
         // A resumed run continues from before these last rows, which an uninterrupted run would not have
@@ -301,9 +386,10 @@ impl Session<'_> {
         if sample {
             self.recorded.sample = time;
         }
-        if sample && (self.recorder.is_some() || self.controls.watch) {
+        if sample && (self.recorder.is_some() || self.controls.watch || self.run.growth.is_some()) {
             let row = self.simulation.sample();
             show(&row);
+            self.compressed = compressing::Compressed::of(&self.simulation, &row);
             if let Some(recorder) = self.recorder {
                 recorder.sample(row)?;
             }

@@ -88,8 +88,15 @@ pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finish
     let simulation =
         AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;
     let recorded = Recorded::default();
-    let session =
-        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded };
+    let session = Session {
+        simulation,
+        run,
+        output: &output,
+        recorder: recorder.as_ref(),
+        controls,
+        recorded,
+        compressed: None,
+    };
     let outcome = session.run(false);
     let context = Context {
         title,
@@ -137,7 +144,15 @@ pub fn resume(path: PathBuf, controls: Controls) -> Result<Finished, Failure> {
         parts,
     };
     let recorded = Recorded { frame: resumed.last_frame, sample: resumed.last_sample };
-    let session = Session { simulation, run, output: &output, recorder: Some(&recorder), controls, recorded };
+    let session = Session {
+        simulation,
+        run,
+        output: &output,
+        recorder: Some(&recorder),
+        controls,
+        recorded,
+        compressed: None,
+    };
     let outcome = session.run(true);
     Ok(Finished::new(outcome, context, Some(recorder)))
 }
@@ -195,13 +210,25 @@ impl Finished {
             return Err(file_failure(error));
         }
         match &outcome.ending {
-            Ending::Until | Ending::Collisions | Ending::Rest | Ending::WallTime => Ok(0),
+            Ending::Until
+            | Ending::Collisions
+            | Ending::PackingFraction
+            | Ending::ReducedPressure
+            | Ending::Box
+            | Ending::Rest
+            | Ending::WallTime => Ok(0),
+            Ending::Jammed(why) => {
+                let kept =
+                    context.file.as_ref().map(|file| format!("\nrecorded so far: {}", output::path(file)));
+                Err(Failure::new(Status::Stopped, why.clone() + &kept.unwrap_or_default()))
+            }
             Ending::Signal(signal) => Ok(128 + *signal as u8),
             Ending::Failed(error) => {
                 let failure = simulation_failure(error);
                 let kept =
                     context.file.as_ref().map(|file| format!("\nrecorded so far: {}", output::path(file)));
-                Err(Failure { message: failure.message + &kept.unwrap_or_default(), ..failure })
+                let message = outcome.told(&failure.message);
+                Err(Failure { message: message + &kept.unwrap_or_default(), ..failure })
             }
             Ending::Unwritable(error) => Err(file_failure(error)),
         }

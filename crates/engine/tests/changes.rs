@@ -229,7 +229,7 @@ fn particles_that_no_scene_can_have_are_not_added() {
     let wide = NewParticle { radius: 0.3 * edge, ..new(place, DVec3::X) };
     assert!(refusal(&sheared, &add_one(wide)).contains("radius[0] ="));
     let fixed = NewParticle { mass: f64::INFINITY, radius: 0.01, ..new(place, DVec3::ZERO) };
-    assert!(refusal(&sheared, &add_one(fixed)).contains("must be finite in a sheared box"));
+    assert!(refusal(&sheared, &add_one(fixed)).contains("must be finite in a box that deforms"));
 
     // Two bodies of infinite mass that overlap; one that an oscillating wall would sweep through.
     let mut vibrated = system(Dimension::Three, DVec3::splat(8.0), [Boundary::Wall; 3]);

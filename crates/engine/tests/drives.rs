@@ -33,11 +33,12 @@ const NOISE: [DriveKind; 2] = [
     DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Regular { interval: 0.25 } },
 ];
 
-fn kinds() -> [DriveKind; 4] {
+fn kinds() -> [DriveKind; 5] {
     [
         NOISE[0],
         NOISE[1],
         DriveKind::Rescale { temperature: 2.5, interval: 0.25 },
+        DriveKind::Hold { temperature: 2.5, longest: 0.25 },
         DriveKind::Andersen { temperature: 2.5, rate: 0.7 },
     ]
 }
@@ -153,6 +154,7 @@ fn the_contact_duration_counts_from_the_last_contact_whatever_else_happens_to_a_
                 DriveKind::WhiteNoise { .. } => {
                     DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Regular { interval: tc / 3.0 } }
                 }
+                DriveKind::Hold { temperature, .. } => DriveKind::Hold { temperature, longest: tc / 3.0 },
                 DriveKind::Rescale { temperature, .. } => {
                     DriveKind::Rescale { temperature, interval: tc / 3.0 }
                 }

@@ -60,9 +60,11 @@ fn run(system: &System, until: Until, options: Options, half: bool) -> (Log, End
 fn go_on(system: &System, until: Until, log: &mut Log, simulation: &mut Simulation) -> End {
     match simulation.advance(until, log) {
         Ok(stop) => End::Stop(stop),
-        Err(error @ (EngineError::Collapse { .. } | EngineError::Overflow { .. })) => {
-            End::Error(error.to_string())
-        }
+        Err(
+            error @ (EngineError::Collapse { .. }
+            | EngineError::Overflow { .. }
+            | EngineError::ShortEdge { .. }),
+        ) => End::Error(error.to_string()),
         // A moving wall or driven body has pressed a grain into too small a space.
         Err(error @ EngineError::Overlap { .. }) if squeezes(system) => End::Error(error.to_string()),
         Err(error) => panic!("{error}"),
@@ -97,9 +99,9 @@ fn hop(system: &System, i: u32) -> f64 {
 fn given_speed(system: &System, time: f64) -> f64 {
     let lightest = system.classes.iter().map(|class| class.mass).fold(f64::INFINITY, f64::min);
     let driven = system.drives.iter().map(|drive| match drive.kind {
-        DriveKind::Rescale { temperature, .. } | DriveKind::Andersen { temperature, .. } => {
-            temperature / lightest
-        }
+        DriveKind::Rescale { temperature, .. }
+        | DriveKind::Hold { temperature, .. }
+        | DriveKind::Andersen { temperature, .. } => temperature / lightest,
         DriveKind::WhiteNoise { strength, .. } => strength * time,
         DriveKind::Named(_) => 0.0,
     });
@@ -211,16 +213,15 @@ fn check_laws(
         .sum::<f64>()
         .sqrt();
     // The energies at both ends are those of velocities relative to the flow, at positions that are rounded.
-    let relative_to_flow: f64 = system.domain.shear.map_or(0.0, |shear| {
-        let flow = DVec3::AXES[shear.flow] * shear.rate;
-        let peculiar = |position: DVec3, v: DVec3| (v - flow * position[shear.gradient]).length();
-        let speeds =
-            system.bodies.iter().zip(frame.position.iter().zip(&frame.velocity)).map(|(body, (r, v))| {
-                let mass = system.classes[body.class as usize].mass;
-                mass * (peculiar(body.position, body.velocity) + peculiar(*r, *v))
-            });
-        WALK * speeds.sum::<f64>() * (shear.rate * system.domain.size[shear.gradient]).abs()
-    });
+    let peculiar = |position: DVec3, v: DVec3, time: f64| (v - flow(system, position, time)).length();
+    let speeds =
+        system.bodies.iter().zip(frame.position.iter().zip(&frame.velocity)).map(|(body, (r, v))| {
+            let mass = system.classes[body.class as usize].mass;
+            mass * (peculiar(body.position, body.velocity, 0.0) + peculiar(*r, *v, frame.time))
+        });
+    let edges = [0.0, frame.time].map(|time| system.domain.edges(time));
+    let of_faces = flow(system, edges[0], 0.0).length().max(flow(system, edges[1], frame.time).length());
+    let relative_to_flow = if of_faces > 0.0 { WALK * speeds.sum::<f64>() * of_faces } else { 0.0 };
     check_measured(system, &sample, start, log.0.len(), relative_to_flow)?;
     let ledger = &sample.ledger;
     let largest =
@@ -249,6 +250,7 @@ fn check_laws(
         .iter()
         .map(|drive| match drive.kind {
             DriveKind::Rescale { interval, .. }
+            | DriveKind::Hold { longest: interval, .. }
             | DriveKind::WhiteNoise { kicks: KickTimes::Regular { interval }, .. } => frame.time / interval,
             DriveKind::Andersen { rate, .. }
             | DriveKind::WhiteNoise { kicks: KickTimes::Poisson { rate }, .. } => frame.time * rate,
@@ -293,12 +295,29 @@ fn check_laws(
     let fallen = falls * momenta.iter().sum::<f64>();
     // In a sheared box the momentum is that relative to the flow at positions that are rounded like the paths
     // to them, and the impulse is the integral of the flow's change along them.
-    let along_flow = system.domain.shear.map_or(0.0, |shear| 2.0 * shear.rate.abs() * frame.time * scale);
+    let along_flow = 2.0 * strain(system, frame.time) * scale;
     // The impulses of a rough impact change the velocity one after the other.
     let impulses = if system.spin.is_some() { 2.0 } else { 1.0 };
     let allowed = 1e-13 * scale + f64::EPSILON * (impulses * rounded + kicked + fallen + along_flow);
     prop_assert!(off <= allowed, "momentum is off by {off:e} of {scale:e}, allowed {allowed:e}");
     Ok(())
+}
+
+/// Velocity of the flow at a position and a time.
+fn flow(system: &System, position: DVec3, time: f64) -> DVec3 {
+    if let Some(shear) = system.domain.shear {
+        return DVec3::AXES[shear.flow] * (shear.rate * position[shear.gradient]);
+    }
+    let Some(compression) = system.domain.compression else { return DVec3::ZERO };
+    -compression.rates / (1.0 - compression.rates * time) * position
+}
+
+/// The strain of the box until a time.
+fn strain(system: &System, time: f64) -> f64 {
+    let sheared = system.domain.shear.map_or(0.0, |shear| (shear.rate * time).abs());
+    let edges = system.domain.edges(time);
+    let ratio = (edges / system.domain.size).max(system.domain.size / edges);
+    sheared.max(ratio.max_element() - 1.0)
 }
 
 /// All that has been measured, as text: some of it is NaN. The data of a checkpoint contain the sums of the
@@ -330,7 +349,7 @@ fn check_measured(
             + 2.0 * sample.ledger.kinetic / volume;
         let off = (trace(stress.total()) / d as f64 - pressure).abs();
         // Velocities relative to the flow change with the time, and so do their rounding errors.
-        let strain = system.domain.shear.map_or(0.0, |shear| (shear.rate * sample.time).abs());
+        let strain = strain(system, sample.time);
         let allowed = rounding * scale + f64::EPSILON * relative_to_flow * (1.0 + strain) / volume;
         prop_assert!(sample.time == 0.0 || off <= allowed, "trace is off by {off:e} of {scale:e}");
     }
@@ -381,9 +400,9 @@ fn check(recipe: &Recipe) -> Result<[u64; 2], TestCaseError> {
                 .is_some_and(|wall| matches!(wall.motion, WallMotion::Oscillating(_)))
     };
     let is_smooth = recipe.rough == 0;
-    let is_sheared = recipe.shear > 0;
+    let deforms = recipe.shear > 0 || recipe.compression > 0;
     let is_plain = !recipe.rest && !recipe.partition && !recipe.thermal && recipe.drive == 0;
-    if is_smooth && is_plain && !is_sheared && !log.0.iter().any(carried) {
+    if is_smooth && is_plain && !deforms && !log.0.iter().any(carried) {
         let epochs = simulation.counters().epochs;
         replay::check(&system, &log.0, &simulation.frame(), epochs).map_err(TestCaseError::fail)?;
     }
@@ -436,8 +455,8 @@ fn tiled(system: &System, copies: u32, varied: bool) -> System {
 /// Checks that blocks on several threads give the events, the state and the measurements of one queue.
 /// Returns the number of events that blocks have taken.
 fn check_blocks(recipe: &Recipe, system: &System, until: Until) -> Result<u64, TestCaseError> {
-    if system.domain.shear.is_some() {
-        // One thread takes the events of a sheared box.
+    if system.domain.shear.is_some() || system.domain.compression.is_some() {
+        // One thread takes the events of a box that deforms.
         return Ok(0);
     }
     let (blocks, threads) = (2 + (recipe.seed >> 8) % 7, (recipe.seed >> 16) as usize % THREADS.len());

@@ -293,6 +293,8 @@ fn windows_have_the_trajectory_of_cells_in_boxes_of_any_shape() {
         let (windows, strain) = run(NeighborChoice::Windows);
         let (cells, _) = run(NeighborChoice::Cells);
         assert_eq!(windows, cells, "{shape:?}, {packing}, {rate}");
+        let (lists, _) = run(NeighborChoice::Lists);
+        assert_eq!(lists, cells, "{shape:?}, {packing}, {rate}");
         // Images have slid by more than an edge.
         assert!((strain * size.y / size.x).abs() > 1.0, "{shape:?}: {strain}");
     }

@@ -132,7 +132,10 @@ impl AnySimulation {
     /// Edge vectors of the box now; `None` if they never change.
     pub fn moving_edges(&self) -> Option<[DVec3; 3]> {
         match self {
-            Self::Granular(simulation) => simulation.system().domain.shear.map(|_| simulation.edges()),
+            Self::Granular(simulation) => {
+                let domain = &simulation.system().domain;
+                (domain.shear.is_some() || domain.compression.is_some()).then(|| simulation.edges())
+            }
             Self::Linkage(_) => None,
         }
     }

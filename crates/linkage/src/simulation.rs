@@ -377,6 +377,9 @@ impl Simulation {
         world.accumulators.sampled_flights = flights;
         Sample {
             time,
+            // A box of linkages keeps its size.
+            box_volume: f64::NAN,
+            packing_fraction: f64::NAN,
             stress: None,
             wall_force: Vec::new(),
             wall_heat_flow: Vec::new(),

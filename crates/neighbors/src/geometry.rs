@@ -45,8 +45,8 @@ pub struct Geometry {
     pub radii: Vec<f64>,
     /// Walls in the order of their indices.
     pub planes: Vec<Plane>,
-    /// The images of a sheared box, for the searches that support them.
-    pub sliding: Option<Sliding>,
+    /// The images of a box that deforms, for the searches that support them.
+    pub deforming: Option<Deforming>,
 }
 
 impl Geometry {
@@ -56,7 +56,36 @@ impl Geometry {
     }
 }
 
-/// The images of a sheared box from a time on.
+/// Images that move at constant velocities. The edges are those of the [`Geometry`] at `start`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deforming {
+    /// Those of a sheared box.
+    pub sliding: Option<Sliding>,
+    /// Velocity at which the edge along each axis becomes longer [length/time].
+    pub speeds: DVec3,
+    /// [ticks]
+    pub start: i64,
+    /// Length of a tick \[time\].
+    pub tick: f64,
+    /// Searches are made again at the latest when this time has passed since `start` [time]. All edges are
+    /// positive until then. Infinite if none changes.
+    pub horizon: f64,
+}
+
+impl Deforming {
+    /// Time from `start` to `now` \[ticks\] [time].
+    pub(crate) fn age(&self, now: i64) -> f64 {
+        (now - self.start) as f64 * self.tick
+    }
+
+    /// The shortest edge along an axis within the horizon, from that at the start [length].
+    pub fn shortest(&self, axis: usize, edge: f64) -> f64 {
+        let speed = self.speeds[axis];
+        if speed < 0.0 { edge + speed * self.horizon } else { edge }
+    }
+}
+
+/// The images of a sheared box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sliding {
     /// Axis of the flow.
@@ -65,12 +94,8 @@ pub struct Sliding {
     pub gradient: usize,
     /// Velocity of the image across the upper face [length/time].
     pub speed: f64,
-    /// Its displacement along the flow at `start` \[length\], besides `turns` edges.
+    /// Its displacement along the flow at the start \[length\], besides `turns` edges.
     pub offset: f64,
-    /// Whole edges of its displacement at `start`.
+    /// Whole edges of its displacement at the start.
     pub turns: i64,
-    /// [ticks]
-    pub start: i64,
-    /// Length of a tick \[time\].
-    pub tick: f64,
 }

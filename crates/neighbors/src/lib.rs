@@ -10,29 +10,29 @@ Coordinates are *anchor coordinates*: those of the anchor's free flight, without
 of a pair is given as an integer shift s per axis: the partner's image is at r_j + s·L.
 
 [`Cells`] is the search for any particles, [`AllPairs`] the plain reference and the search for very few.
-[`ShearedCells`] and [`ShearedPairs`] are those for boxes under simple shear, whose images slide.
+[`DeformingCells`] and [`DeformingPairs`] are those for boxes that deform, whose images move.
 */
 
 mod all_pairs;
 mod array;
 mod cells;
+mod deforming;
 mod geometry;
 mod memory;
-mod sheared;
 mod walls;
 
 pub use all_pairs::AllPairs;
 pub use array::Array;
 pub use cells::Cells;
-pub use geometry::{Axis, Geometry, Plane, Sliding};
+pub use deforming::{DeformingCells, DeformingPairs};
+pub use geometry::{Axis, Deforming, Geometry, Plane, Sliding};
 pub use memory::{Elements, prefetch, prefetch_at, with_huge_pages};
-pub use sheared::{ShearedCells, ShearedPairs};
 pub use walls::beyond_faces;
 
 use glam::DVec3;
 
-/// Periodic image of a pair: the partner's image is at r_j + shift · L. In a sheared box L along the gradient
-/// has a component along the flow, the displacement of the image at that time.
+/// Periodic image of a pair: the partner's image is at r_j + shift · L. In a box that deforms L is that of the
+/// time; under shear the one along the gradient has a component along the flow, the displacement of the image.
 pub type Shift = [i32; 3];
 
 /// Free flight of a particle from its present state, in anchor coordinates.

@@ -3,7 +3,8 @@
 
 use glam::DVec3;
 use haff_neighbors::{
-    AllPairs, Axis, Cells, Flight, Geometry, Plane, Search, ShearedCells, ShearedPairs, Shift, Sliding,
+    AllPairs, Axis, Cells, Deforming, DeformingCells, DeformingPairs, Flight, Geometry, Plane, Search, Shift,
+    Sliding,
 };
 use proptest::prelude::*;
 
@@ -35,19 +36,24 @@ impl Scene {
     }
 
     fn ticks(&self, time: f64) -> i64 {
-        self.geometry.sliding.map_or(0, |sliding| sliding.start + (time / sliding.tick).round() as i64)
+        self.geometry.deforming.map_or(0, |images| images.start + (time / images.tick).round() as i64)
     }
 
     /// Edge vectors of the box at `time`, by row. Along the flow images are counted from the start of the
     /// run, `turns` edges before.
     fn edges(&self, time: f64) -> [DVec3; 3] {
-        let size = self.geometry.size;
+        let size =
+            self.geometry.size + self.geometry.deforming.map_or(DVec3::ZERO, |images| images.speeds * time);
         let mut edges = [DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z];
-        if let Some(sliding) = &self.geometry.sliding {
+        if let Some(sliding) = self.sliding() {
             edges[sliding.gradient][sliding.flow] =
                 sliding.turns as f64 * size[sliding.flow] + sliding.offset + sliding.speed * time;
         }
         edges
+    }
+
+    fn sliding(&self) -> Option<Sliding> {
+        self.geometry.deforming?.sliding
     }
 
     /// Contact distance of a pair.
@@ -62,13 +68,13 @@ impl Scene {
         let count = self.flights.len() as u32;
         for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))).filter(|(i, j)| i != j) {
             let r = self.position(j, time) - self.position(i, time);
+            let edges = self.edges(time);
             let range = |axis: usize, x: f64| {
-                let nearest = -(x / self.geometry.size[axis]).round() as i32;
+                let nearest = -(x / edges[axis][axis]).round() as i32;
                 if self.geometry.axes[axis] == Axis::Periodic { nearest - 1..=nearest + 1 } else { 0..=0 }
             };
-            let edges = self.edges(time);
             // The flow last: its image depends on that across the gradient.
-            let flow = self.geometry.sliding.map_or(0, |sliding| sliding.flow);
+            let flow = self.sliding().map_or(0, |sliding| sliding.flow);
             let [a, b] = [(flow + 1) % 3, (flow + 2) % 3];
             for up in range(a, r[a]) {
                 for beside in range(b, r[b]) {
@@ -115,7 +121,7 @@ fn scene() -> impl Strategy<Value = Scene> {
                     radius: 0.5,
                     radii,
                     planes: Vec::new(),
-                    sliding: None,
+                    deforming: None,
                 },
                 flights,
             }
@@ -150,8 +156,13 @@ fn sheared_scene() -> impl Strategy<Value = Scene> {
                 speed: rate * size[gradient],
                 offset: (offset - 0.5) * size[flow],
                 turns,
+            };
+            let deforming = Deforming {
+                sliding: Some(sliding),
+                speeds: DVec3::ZERO,
                 start: 12_345,
                 tick: 2.0_f64.powi(-50),
+                horizon: f64::INFINITY,
             };
             Scene {
                 flights: flights.collect(),
@@ -163,7 +174,52 @@ fn sheared_scene() -> impl Strategy<Value = Scene> {
                     radius: 0.5,
                     radii: Vec::new(),
                     planes: Vec::new(),
-                    sliding: Some(sliding),
+                    deforming: Some(deforming),
+                },
+            }
+        },
+    )
+}
+
+/// Scenes in boxes that become shorter or longer along any axes, up to a quarter in the horizon, some of them
+/// with walls or open along other axes.
+fn stretched_scene() -> impl Strategy<Value = Scene> {
+    let axis = prop_oneof![
+        6 => Just(Axis::Periodic), 1 => Just(Axis::Bounded), 1 => Just(Axis::Open), 1 => Just(Axis::Flat)
+    ];
+    let unit = prop::array::uniform3(0.0_f64..1.0);
+    let flights = prop::collection::vec((unit.clone(), unit), 2..40);
+    let rates = prop::array::uniform3(prop_oneof![Just(0.0), -1.0_f64..1.0]);
+    let scales = (prop::array::uniform3(1.6_f64..9.0), 0.05_f64..0.25, 0.1_f64..3.0);
+    (prop::array::uniform3(axis), scales, flights, rates).prop_map(
+        |(axes, (size, change, horizon), flights, rates)| {
+            let images = |k: usize| f64::from(u8::from(axes[k] == Axis::Periodic));
+            let rates = DVec3::from_array([0, 1, 2].map(|k| images(k) * rates[k] * change / horizon));
+            let flights = flights.into_iter().map(|(place, motion)| {
+                let moving = |k: usize, x: f64| if axes[k] == Axis::Flat { 0.0 } else { x };
+                let position = DVec3::from_array([0, 1, 2].map(|k| moving(k, place[k] * size[k])));
+                let velocity = DVec3::from_array([0, 1, 2].map(|k| moving(k, motion[k] - 0.5)));
+                (position, velocity + rates * position)
+            });
+            let size = DVec3::from_array(size);
+            let deforming = Deforming {
+                sliding: None,
+                speeds: rates * size,
+                start: 12_345,
+                tick: 2.0_f64.powi(-50),
+                horizon,
+            };
+            Scene {
+                flights: flights.collect(),
+                geometry: Geometry {
+                    size,
+                    axes,
+                    reach: 1.0,
+                    crowding: 1.0,
+                    radius: 0.5,
+                    radii: Vec::new(),
+                    planes: Vec::new(),
+                    deforming: Some(deforming),
                 },
             }
         },
@@ -202,6 +258,9 @@ fn check_completeness<S: Search>(scene: &Scene, steps: usize) -> Result<(), Test
     for _ in 0..steps {
         let dues = (0..count).filter_map(|i| due[i as usize].map(|due| (i, due)));
         let Some((i, (when, code))) = dues.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { break };
+        if when > scene.geometry.deforming.map_or(f64::INFINITY, |images| images.horizon) {
+            break;
+        }
         if !scene.is_inside(i, when) {
             due[i as usize] = None;
             continue;
@@ -256,12 +315,32 @@ proptest! {
 
     #[test]
     fn sheared_cells_are_complete(scene in sheared_scene()) {
-        check_completeness::<ShearedCells>(&scene, 400)?;
+        check_completeness::<DeformingCells>(&scene, 400)?;
     }
 
     #[test]
     fn sheared_pairs_are_complete(scene in sheared_scene()) {
-        check_completeness::<ShearedPairs>(&scene, 400)?;
+        check_completeness::<DeformingPairs>(&scene, 400)?;
+    }
+
+    #[test]
+    fn cells_are_complete_in_a_box_that_changes_its_size(scene in stretched_scene()) {
+        check_completeness::<DeformingCells>(&scene, 400)?;
+    }
+
+    #[test]
+    fn pairs_are_complete_in_a_box_that_changes_its_size(scene in stretched_scene()) {
+        check_completeness::<DeformingPairs>(&scene, 400)?;
+    }
+
+    #[test]
+    fn wrapping_an_anchor_shifts_its_images_in_a_box_that_changes_its_size(
+        scene in stretched_scene(), i in 0_usize..40, wraps in prop::array::uniform3(-3..4_i32)
+    ) {
+        let i = (i % scene.flights.len()) as u32;
+        let wraps = [0, 1, 2].map(|axis| if scene.geometry.axes[axis] == Axis::Periodic { wraps[axis] } else { 0 });
+        let positions: Vec<DVec3> = scene.flights.iter().map(|flight| flight.0).collect();
+        shifts_images::<DeformingCells>(&scene.geometry, &positions, i, wraps)?;
     }
 
     #[test]
@@ -271,7 +350,7 @@ proptest! {
         let i = (i % scene.flights.len()) as u32;
         let wraps = [0, 1, 2].map(|axis| if scene.geometry.axes[axis] == Axis::Periodic { wraps[axis] } else { 0 });
         let positions: Vec<DVec3> = scene.flights.iter().map(|flight| flight.0).collect();
-        shifts_images::<ShearedCells>(&scene.geometry, &positions, i, wraps)?;
+        shifts_images::<DeformingCells>(&scene.geometry, &positions, i, wraps)?;
     }
 
     /// Wrapping an anchor changes coordinates, not cells.
@@ -329,7 +408,7 @@ fn a_cell_holds_ten_thousand_particles_and_is_emptied_again() {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
-        sliding: None,
+        deforming: None,
     };
     let mut search = Cells::new(&geometry, &vec![DVec3::splat(15.1); 10_000]);
     let count = |search: &Cells, i| {
@@ -361,7 +440,7 @@ fn only_cells_near_a_wall_list_it() {
         radius: 0.5,
         radii: Vec::new(),
         planes: vec![plane(0.0, DVec3::X), plane(20.0, DVec3::NEG_X)],
-        sliding: None,
+        deforming: None,
     };
     let place = |i: i32| DVec3::new(f64::from(i % 20), f64::from(i / 20 % 20), f64::from(i / 400)) + 0.5;
     let positions: Vec<DVec3> = (0..8000).map(place).collect();

@@ -411,9 +411,9 @@ impl Simulation {
         vector(py, self.domain.size)
     }
 
-    /// Edge vectors of a sheared box at the present, by row.
+    /// Edge vectors at the present of a box that deforms, by row.
     #[getter]
-    fn sheared_edges(&self, py: Python<'_>) -> PyResult<Option<[[f64; 3]; 3]>> {
+    fn moving_edges(&self, py: Python<'_>) -> PyResult<Option<[[f64; 3]; 3]>> {
         let edges = self.read(py, |moving| moving.simulation.moving_edges())?;
         Ok(edges.map(|edges| edges.map(|edge| edge.to_array())))
     }

@@ -413,6 +413,8 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         species_rotational_temperature: read("species_rotational_temperature")?,
         sonine_a2: real("sonine_a2")?,
         pressure: read("pressure")?.first().copied(),
+        box_volume: real("box_volume")?,
+        packing_fraction: real("packing_fraction")?,
         stress: match (tensor("pressure_tensor_kinetic")?, tensor("pressure_tensor_collisional")?) {
             (Some(kinetic), Some(collisional)) => Some(StressTensor { kinetic, collisional }),
             _ => None,

@@ -88,7 +88,7 @@ impl Recorder {
             profiles: header.measure.profiles.len(),
             spin: header.present.spin,
         };
-        Self::start(path, Writer::new(file, datasets, header.box_size), contents)
+        Self::start(path, Writer::new(file, datasets), contents)
     }
 
     /// A recorder with a running writer.

@@ -147,7 +147,7 @@ impl Recorder {
         };
         // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);
-        let writer = Writer::new(file, datasets, parameters.box_size);
+        let writer = Writer::new(file, datasets);
         let writer = writer.resume(&saved, next_slot, first.max(second))?;
         Ok((Self::start(path, writer, contents)?, resumed))
     }

@@ -68,10 +68,16 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
     let per_frame = 8 + 8 + 24;
     let sizes = Sizes { species: 1, walls: 0, dimension };
     let per_sample = 16
-        + observables(&SceneFeatures { stress: false, wall_forces: false, spin, ..SceneFeatures::all() })
-            .iter()
-            .map(|observable| 8 * observable.quantity.shape(sizes).iter().product::<usize>() as u64)
-            .sum::<u64>();
+        + observables(&SceneFeatures {
+            stress: false,
+            wall_forces: false,
+            compression: false,
+            spin,
+            ..SceneFeatures::all()
+        })
+        .iter()
+        .map(|observable| 8 * observable.quantity.shape(sizes).iter().product::<usize>() as u64)
+        .sum::<u64>();
     let event: f64 = size.columns.iter().map(|&column| event_row(column, size)).sum();
     // Uncompressed chunks are whole.
     let rows = if size.compressed { events } else { events.next_multiple_of(EVENT_CHUNK as u64) };

@@ -39,7 +39,6 @@ const WRITE: &str = "write";
 pub(crate) struct Writer {
     datasets: Datasets,
     file: WritableFile,
-    box_size: DVec3,
     progress: Progress,
     frames: Vec<Frame>,
     samples: Vec<Sample>,
@@ -66,11 +65,10 @@ pub(crate) struct Writer {
 
 impl Writer {
     /// A writer at the beginning of a file.
-    pub fn new(file: WritableFile, datasets: Datasets, box_size: DVec3) -> Self {
+    pub fn new(file: WritableFile, datasets: Datasets) -> Self {
         Self {
             datasets,
             file,
-            box_size,
             progress: Progress::default(),
             frames: Vec::new(),
             samples: Vec::new(),
@@ -252,12 +250,11 @@ impl Writer {
         let images = rows.map(|frame| frame.image.as_slice());
         trajectory.image.append_vectors(images, |image| image, packer).doing(path, WRITE)?;
         let sheared = trajectory.edges.width() == 9;
-        let lengths = [self.box_size];
-        let edges: Vec<f64> = frames
-            .iter()
-            .flat_map(|frame| if sheared { &frame.edges[..] } else { &lengths }.iter())
-            .flat_map(DVec3::to_array)
-            .collect();
+        let numbers = |frame: &Frame| match frame.edges {
+            edges if sheared => edges.iter().flat_map(DVec3::to_array).collect(),
+            [x, y, z] => vec![x.x, y.y, z.z],
+        };
+        let edges: Vec<f64> = frames.iter().flat_map(numbers).collect();
         trajectory.edges.append(&edges).doing(path, WRITE)?;
         self.frame_clock.extend(frames.iter().map(|frame| (frame.step as i64, frame.time)));
         Ok(())
@@ -437,7 +434,7 @@ mod tests {
         let datasets = Datasets::open(file.root(), 5, parameters.sizes()).expect("datasets");
         let saved = newest(&datasets.slots, |_| true).expect("slots").expect("a checkpoint");
         assert_eq!(saved.progress, Progress { frames: 4, samples: 4, events: 12_000 });
-        let mut writer = Writer::new(file, datasets, parameters.box_size);
+        let mut writer = Writer::new(file, datasets);
         writer.file.begin_change().expect("a change");
         writer.truncate(&saved).expect("rows are dropped");
         assert!(

@@ -102,8 +102,8 @@ def _drives(file: File) -> str | None:
 
 
 def _flows(file: File) -> str | None:
-    why = "the edges of the box change with time" if file.deforming else ""
-    return _if(file.shear is not None or file.deforming, why)
+    why = "the edges of the box change with time" if file.compression is not None else ""
+    return _if(file.shear is not None or file.compression is not None, why)
 
 
 def _joints(file: File) -> str | None:

@@ -65,7 +65,7 @@ def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
     if arguments.number("after", after) < 0:
         raise ArgumentError(f"after = {quoted(after)}: must not be negative")
     frames = file.frames
-    if file.deforming:
+    if file.compression is not None:
         return list(frames[-1:])
     steps = np.asarray(frames.step, float)
     steps = steps - steps[:1]

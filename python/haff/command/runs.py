@@ -73,7 +73,10 @@ class Result:
     state_hash: str = field(init=False)
     """Hash of every particle's final position, velocity and image."""
     stopped: str = field(init=False)
-    """Why the run ended: ``until``, ``collisions``, ``wall_time``, ``rest``, …"""
+    """Why the run ended: ``until``, ``collisions``, ``wall_time``, ``rest``, …
+
+    Of growth: ``packing_fraction``, ``reduced_pressure``.
+    """
 
     def __post_init__(self) -> None:
         for name, about in self.__dataclass_fields__.items():

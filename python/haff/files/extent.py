@@ -34,14 +34,14 @@ class Extent(NamedTuple):
 def extent(frames: Frames) -> Extent:
     """Extent of some frames; reads their positions once if an axis is open.
 
-    Of a deforming box the longest edges; :meth:`Extent.of` is that of one frame.
+    Of a compressed box the longest edges; :meth:`Extent.of` is that of one frame.
     In two dimensions the region is as thick as the largest disk, about z = 0.
     """
     file = frames.file
     box, radius = file.box, file.radius[:, None]
     bounded = np.array([kind != "open" for kind in box.boundary])
     bounded[box.dimension :] = False
-    size = np.max([one.size for one in frames.boxes()], axis=0, initial=0.0) if file.deforming else box.size
+    size = np.max([one.size for one in frames.boxes()], axis=0, initial=0.0) if file.compression is not None else box.size
     low, high = np.zeros(3), np.where(bounded, size, 0.0)
     reach = np.arange(3) < box.dimension
     if np.any(reach & ~bounded):

@@ -201,13 +201,23 @@ class Frame(ReadOnly):
 
     @cached_property
     def velocity(self) -> NDArray[np.float64]:
-        """``[N, 3]`` velocities [length/time]; z = 0 in 2D. In a sheared box the flow is part of them."""
+        """``[N, 3]`` velocities [length/time]; z = 0 in 2D. In a box that deforms the flow is part of them."""
         return self._read("velocity")
 
     @property
     def peculiar_velocity(self) -> NDArray[np.float64]:
-        """``[N, 3]`` velocities relative to the flow of a sheared box, v − γ̇ y x̂ [length/time]; else the velocities."""
-        shear = self.file.shear
+        """``[N, 3]`` velocities relative to the flow of a box that deforms [length/time]; else the velocities.
+
+        The flow of a sheared box is γ̇ y x̂, that of a compressed one −γ x/(1 − γ t) along each periodic axis. Along
+        axes between walls there is none.
+        """
+        shear, rates = self.file.shear, self.file.compression
+        if rates is not None:
+            moving = np.where(self.file.box.periodic, rates, 0.0)
+            left = 1 - moving * self.time
+            if not (left > 0).all():
+                raise self.file.stored.wrong("particles/all/position/time", f"{self.time:g}: the box has no volume then")
+            return self.velocity + moving / left * self.position
         if shear is None:
             return self.velocity
         found = self.velocity.copy()
@@ -219,7 +229,8 @@ class Frame(ReadOnly):
         """``[N, 3]`` velocities of which temperature and pressure are made, v − V [length/time].
 
         V is the velocity of the center of mass of the bodies of finite mass along the axes on which momentum is
-        conserved (:attr:`File.conserved_momentum`), and 0 along the others. In a sheared box v is relative to the flow.
+        conserved (:attr:`File.conserved_momentum`), and 0 along the others. In a box that deforms v is
+        relative to the flow.
         """
         velocity, mobile = self.peculiar_velocity, np.isfinite(self.mass)
         if not mobile.any():
@@ -244,7 +255,7 @@ class Frame(ReadOnly):
 
     @cached_property
     def box(self) -> Box:
-        """The simulation box, at the time of the frame if it is sheared or deforming."""
+        """The simulation box, at the time of the frame if it deforms."""
         return self._frames._boxes(range(self._row, self._row + 1))[0]
 
     @property
@@ -322,7 +333,7 @@ class Frames(ReadOnly, Sequence["Frame"]):
             if name == "position" or stored.find(f"{base}/{name}") is not None:
                 self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
         self._edges: Column | None = None
-        if file.shear is not None or file.deforming:
+        if file.shear is not None or file.compression is not None:
             shape = (None, 3) if file.shear is None else (None, 3, 3)
             self._edges = stored.column(f"{base}/box/edges/value", shape, "f")
         if rows is None:
@@ -349,9 +360,10 @@ class Frames(ReadOnly, Sequence["Frame"]):
         if name != "image":
             column.require_finite(values, rows)
         if name == "position":
-            size = box.size if not self._file.deforming else np.stack([b.size for b in self._boxes(rows)])[:, None]
-            slack = 1e-9 * size
-            inside = (values >= -slack) & (values <= size + slack)
+            size = box.size
+            if self._edges is not None and self._file.shear is None:
+                size = np.array([one.size for one in self._boxes(rows)]).reshape(-1, 1, 3)
+            inside = (values >= -1e-9 * size) & (values <= (1 + 1e-9) * size)
             column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
         return values
 
@@ -359,10 +371,7 @@ class Frames(ReadOnly, Sequence["Frame"]):
         """The boxes of some frames."""
         if self._edges is None:
             return [self._file.box] * len(rows)
-        edges = _take(self._edges, rows)
-        if self._file.shear is None:
-            return self._file._deformed_boxes(self._edges, edges, rows)
-        return self._file._sheared_boxes(self._edges, edges, rows)
+        return self._file._boxes(self._edges, _take(self._edges, rows), rows)
 
     def boxes(self) -> list[Box]:
         """The box of each frame."""

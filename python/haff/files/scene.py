@@ -233,7 +233,7 @@ def _plural(definition: dict[str, Any]) -> str:
 def packing_fraction(file: File, box: Box | None = None) -> float:
     """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder.
 
-    ``box`` is that of a frame of a deforming run; by default that of the first frame.
+    ``box`` is that of a frame, where the box is compressed; by default that of the first frame.
     """
     box = file.box if box is None else box
     if "open" in box.boundary[: file.dimension]:

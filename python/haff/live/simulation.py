@@ -546,8 +546,10 @@ class Simulation:
 
     @property
     def box(self) -> Box:
-        """The simulation box, at the present time if it is sheared."""
-        return Box(self._core.box_size, self._core.boundary, self._core.dimension, self._displacement())
+        """The simulation box, at the present time if it deforms."""
+        edges = self._core.moving_edges
+        size = self._core.box_size if edges is None else np.diag(edges)
+        return Box(size, self._core.boundary, self._core.dimension, self._displacement())
 
     @cached_property
     def shear(self) -> Shear | None:
@@ -566,7 +568,7 @@ class Simulation:
         if self.shear is None:
             return None
         flow, gradient, _ = self.shear
-        return gradient, flow, self._core.sheared_edges[gradient][flow]
+        return gradient, flow, self._core.moving_edges[gradient][flow]
 
     @property
     def gravity(self) -> NDArray[np.float64]:

@@ -63,7 +63,7 @@ def along_flights(file: File, frames: Frames) -> Keyframes | None:
 
     The log lacks the changes of velocities by drives, and images of a box that changes with time slide.
     """
-    if len(frames) < 2 or "events" not in file or file.scene.get("drive") or file.deforming:
+    if len(frames) < 2 or "events" not in file or file.scene.get("drive") or file.compression is not None:
         return None
     try:
         paths = trajectories.flights(file)

@@ -13,7 +13,7 @@ use haff_mechanics::Impact;
 use crate::{
     laws::pair_law::PairContact,
     model::features::Features,
-    motion::shear_work,
+    motion::flow_work,
     numerics::{error::EngineError, random::mix},
     report::ledger::Term,
     state::{accumulators::Accumulators, world::World},
@@ -147,7 +147,7 @@ pub(crate) fn touch<F: Features>(
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
     let (mut rj, mut wj) = state_at_event::<F>(world, j, time);
     let mut r = rj - ri;
-    if F::SHEAR {
+    if F::DEFORMS {
         let image_velocity;
         (r, image_velocity) = world.nearest_image(r, time);
         wj += image_velocity;
@@ -162,10 +162,10 @@ pub(crate) fn touch<F: Features>(
         let depth = penetration_to_correct(sigma - distance, ri.abs().max(rj.abs()), sigma);
         if depth > 0.0 {
             let mut coordinates = ri.abs().max(rj.abs()).max(world.coordinates(i)).max(world.coordinates(j));
-            if F::SHEAR {
+            if F::DEFORMS {
                 // An image many edges away has many times the speed of the next one.
                 let relative = (wj - wi).length() * world.age(i, time).max(world.age(j, time));
-                let path = shear_work::path(world, i, time).max(shear_work::path(world, j, time));
+                let path = flow_work::path(world, i, time).max(flow_work::path(world, j, time));
                 coordinates += DVec3::splat(path.max(relative));
             }
             check_penetration(world, depth, sigma, coordinates, (i, Some(j)), time)?;

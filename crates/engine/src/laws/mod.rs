@@ -3,8 +3,8 @@ What an event does: impacts of particles and walls, rough contacts, series of bo
 
 *What is here.* [`event`] has the physical events. [`contact`] and [`wall_contact`] find who touches where;
 [`pair_law`] and [`wall_impact`] give the velocities after an impact; [`resolve`] for pairs, and
-[`wall_impact`] itself, set anchors and add losses. [`rough`] adds the tangential part, [`sheared`] the work
-of a shear, [`series`] completes bounces, [`hop`] ends them where no closed form exists, [`carried`] and
+[`wall_impact`] itself, set anchors and add losses. [`rough`] adds the tangential part, [`deforming`] the work
+of the flow, [`series`] completes bounces, [`hop`] ends them where no closed form exists, [`carried`] and
 [`slide`] are what follows on a wall, [`resting`] are contacts of grains that come to rest on each other.
 
 *What to change here.* A new law of impact of two particles implements `PairLaw` and gets an arm of
@@ -22,6 +22,7 @@ it; its kind in the log is in `report/event.rs`, its entry in a queue in `search
 pub(crate) mod bounces;
 pub(crate) mod carried;
 pub(crate) mod contact;
+pub(crate) mod deforming;
 pub(crate) mod event;
 pub(crate) mod hop;
 pub(crate) mod pair_law;
@@ -29,7 +30,6 @@ pub(crate) mod resolve;
 pub(crate) mod resting;
 pub(crate) mod rough;
 pub(crate) mod series;
-pub(crate) mod sheared;
 pub(crate) mod slide;
 pub(crate) mod wall_contact;
 pub(crate) mod wall_impact;

@@ -8,10 +8,10 @@ use haff_mechanics::{Impact, work_of_moving_body};
 use crate::{
     laws::{
         contact::{add_impact, check_velocity, touch},
+        deforming,
         pair_law::{self, PairContact},
         rough::{self, RoughPair},
         series::{end_of_bounces_early, keep_support},
-        sheared,
     },
     model::features::Features,
     motion::flights,
@@ -56,7 +56,7 @@ pub(crate) fn collide<F: Features>(
     } else {
         [ui, uj]
     };
-    if F::SHEAR {
+    if F::DEFORMS {
         uj -= world.nearest_image(rj - ri, time).1;
     }
     if a.inverse_mass != 0.0 {
@@ -111,9 +111,9 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     } else {
         None
     };
-    if F::SHEAR {
+    if F::DEFORMS {
         let more = tangential.as_ref().map_or(DVec3::ZERO, |tangential| tangential.impulse);
-        sheared::end_flights(state, [i, j], n * distance, n * impact.impulse + more, time);
+        deforming::end_flights(state, [i, j], n * distance, n * impact.impulse + more, time);
     }
     if F::GRAVITY {
         flights::end(state, i, time);
@@ -143,7 +143,10 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
 
     let accumulators = &mut state.accumulators;
     accumulators.counters.collisions += 1;
-    add_impact::<F>(accumulators, now, impact.impulse * distance, &impact);
+    // In a box that is compressed the volume at the impact counts.
+    let virial = impact.impulse * distance;
+    let virial = if F::DEFORMS { virial * state.world.pressure_weight(time) } else { virial };
+    add_impact::<F>(accumulators, now, virial, &impact);
     if !F::UNIFORM {
         // The impulse on i is −J n, on j +J n.
         if a.inverse_mass == 0.0 {
@@ -160,8 +163,8 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         let change =
             |i, class: &ClassData, before, after| VelocityChange { i, mass: class.mass, before, after };
         let mut changes = [change(i, &a, before[0], after[0]), change(j, &b, before[1], after[1])];
-        if F::SHEAR {
-            sheared::make_peculiar(&state.world, &mut changes, positions, n * distance);
+        if F::DEFORMS {
+            deforming::make_peculiar(&state.world, &mut changes, positions, n * distance, time);
         }
         let [ri, rj] = positions;
         let (changes, position, branch) = match (a.inverse_mass == 0.0, b.inverse_mass == 0.0) {

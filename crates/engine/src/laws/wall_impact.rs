@@ -201,7 +201,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
         let approach_speed = before.dot(n);
         let impulse = -class.mass * change.dot(n);
         let impact = Impact { approach_speed, impulse, ..Impact::default() };
-        let contact_point = state.world.boundary.periodicity.wrap(position + n * class.radius).0;
+        let contact_point = state.world.wrap(position + n * class.radius, time).0;
         let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
         row.impulse_vector = change * -class.mass;
         observer.event(&row);
@@ -222,7 +222,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let &WallBounce { law, after, impact, repeated } = bounce;
     let tangential =
         if !F::ELASTIC && state.world.spin.is_some() { Some(rough::apply_wall(state, rough)) } else { None };
-    if F::GRAVITY {
+    if F::GRAVITY || F::DEFORMS {
         flights::end(state, i, time);
     }
     let world = &mut state.world;
@@ -248,7 +248,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     if EVENTS {
         let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
         observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
-        let contact_point = world.boundary.periodicity.wrap(position + n * class.radius).0;
+        let contact_point = world.wrap(position + n * class.radius, time).0;
         let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
         if let Some(tangential) = &tangential {
             tangential.add_to(&mut row);

@@ -10,7 +10,7 @@ use crate::{
         words::{Words, fault, put_reals, put_sums},
     },
     report::{CORRELATIONS, Correlation, Exchange, Observer},
-    state::{State, flight_sums::Moments, world::World},
+    state::{State, deformation::Deformation, flight_sums::Moments, world::World},
 };
 
 use super::{
@@ -79,11 +79,16 @@ impl Correlator {
         if let Some(msd) = &mut self.msd {
             let unwrapped = |&i: &u32| {
                 let [x, y, z] = world.images[i as usize].map(f64::from);
-                let image = glam::DVec3::new(x, y, z) * world.boundary.periodicity.size;
+                let image = glam::DVec3::new(x, y, z) * world.periodicity(world.now).size;
                 let mut position = world.state(i, world.now).0 + image;
-                if let Some(shear) = &world.boundary.shear {
-                    // Only across the flow are displacements those of diffusion.
-                    position[shear.flow] = 0.0;
+                match &world.boundary.deformation {
+                    Some(Deformation { sliding: Some(shear), .. }) => {
+                        // Only across the flow are displacements those of diffusion.
+                        position[shear.flow] = 0.0;
+                    }
+                    // Relative to the flow.
+                    Some(images) => position = images.unstretched(position, world.clock.instant(world.now)),
+                    None => {}
                 }
                 position.to_array()
             };

@@ -15,7 +15,7 @@ use crate::{
 pub(crate) fn present(world: &World, i: usize) -> (DVec3, DVec3, [i32; 3]) {
     let (position, mut velocity) = world.state(i as u32, world.now);
     let (position, wraps, change) = world.wrap(position, world.now);
-    if world.boundary.shear.is_some() {
+    if world.boundary.deformation.is_some() {
         velocity += change;
     }
     let image = world.images[i];

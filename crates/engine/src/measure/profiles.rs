@@ -25,7 +25,7 @@ use crate::{
         words::{Words, fault, put_sums},
     },
     report::{Exchange, Observer, Partner, ProfileRow},
-    state::{State, sliding_images::SlidingImages, world::World},
+    state::{State, deformation::Deformation, sliding_images::SlidingImages, world::World},
 };
 
 use super::Measurement;
@@ -57,7 +57,7 @@ pub(crate) struct Profile {
     sums: Vec<[Sum; FIELDS]>,
     /// Where a contact leaves cells, as fractions of the line between the centers.
     faces: Vec<f64>,
-    shear: Option<SlidingImages>,
+    images: Option<Deformation>,
 }
 
 impl Profile {
@@ -79,7 +79,7 @@ impl Profile {
             seed: system.seed,
             sums: vec![[Sum::default(); FIELDS]; grid.cells()],
             faces: Vec::new(),
-            shear: SlidingImages::of(system),
+            images: Deformation::of(system),
             grid: grid.clone(),
         }
     }
@@ -140,13 +140,21 @@ impl Profile {
 
     /// A position at `time`, in the box along the gradient of a shear.
     fn folded(&self, position: DVec3, time: f64) -> DVec3 {
-        self.shear.as_ref().map_or(position, |shear| shear.fold(position, Instant::at(time)))
+        match &self.images {
+            Some(Deformation { sliding: Some(shear), .. }) => shear.fold(position, Instant::at(time)),
+            Some(images) => images.unstretched(position, Instant::at(time)),
+            None => position,
+        }
+    }
+
+    fn shear(&self) -> Option<&SlidingImages> {
+        self.images.as_ref()?.sliding.as_ref()
     }
 
     /// The velocity of the flow in the middle of a cell; zero without shear, or if the grid does not divide
     /// the axis of the gradient.
     fn flow(&self, cell: usize) -> DVec3 {
-        let Some(shear) = &self.shear else { return DVec3::ZERO };
+        let Some(shear) = self.shear() else { return DVec3::ZERO };
         let mut position = DVec3::ZERO;
         let mut rest = cell;
         for axis in self.grid.axes.iter().rev() {
@@ -167,8 +175,9 @@ impl Profile {
                 continue;
             }
             let (mut position, velocity) = world.peculiar(i, world.now);
-            if world.boundary.shear.is_some() {
+            if let Some(images) = &self.images {
                 position = world.wrap(position, world.now).0;
+                position = images.unstretched(position, world.clock.instant(world.now));
             }
             let Some(cell) = self.cell(position) else { continue };
             let sums = &mut self.sums[cell];

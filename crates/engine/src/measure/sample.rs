@@ -1,8 +1,10 @@
 //! One row of observables.
 
+use std::f64::consts::PI;
+
 use crate::{
     measure::totals::{Totals, ledger},
-    model::{Boundary, System, spin::rotations},
+    model::{Boundary, Dimension, System, spin::rotations},
     numerics::total::total,
     report::Sample,
     state::{State, world::World},
@@ -84,11 +86,12 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let center = accumulators.center.take(time);
     let flights = accumulators.counters.ended_flights() - accumulators.sampled_flights;
     let open = (0..d as usize).any(|axis| system.domain.boundary[axis] == Boundary::Open);
+    let volume = if open { f64::NAN } else { system.domain.volume(system.dimension, time) };
     let pressure = (!open).then(|| {
         if first || span <= 0.0 {
             return f64::NAN;
         }
-        let volume: f64 = (0..d as usize).map(|axis| system.domain.size[axis]).product();
+        let volume = system.domain.mean_volume(system.dimension, [accumulators.sampled_at, time]);
         let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
         (thermal + accumulators.virial()) / (d * volume * span)
     });
@@ -98,6 +101,12 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let mut sample = Sample {
         time,
+        box_volume: volume,
+        packing_fraction: if system.domain.compression.is_some() {
+            filled(system.dimension, world) / volume
+        } else {
+            f64::NAN
+        },
         stress: None,
         wall_force: Vec::new(),
         wall_heat_flow: Vec::new(),
@@ -124,6 +133,15 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     accumulators.start_interval(time);
     world.complete_walls(time, &mut sample);
     sample
+}
+
+/// Volume of all particles [length^d].
+fn filled(dimension: Dimension, world: &World) -> f64 {
+    let [powers] = total(world.particles.len(), |i| {
+        let radius = world.body(i).radius;
+        [if dimension == Dimension::Two { radius * radius } else { radius * radius * radius }]
+    });
+    powers * if dimension == Dimension::Two { PI } else { 4.0 / 3.0 * PI }
 }
 
 /// The rotational temperature of all particles, and of each species.

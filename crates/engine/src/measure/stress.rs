@@ -14,7 +14,7 @@
 //! product of both means.
 
 use crate::{
-    model::System,
+    model::{Dimension, Domain, System},
     numerics::{
         error::EngineError,
         sum::Sum,
@@ -26,6 +26,7 @@ use crate::{
     state::{
         State,
         center::Center,
+        deformation::Deformation,
         flight_sums::{Moments, Summed, moments, tensor_and_momentum},
         world::World,
     },
@@ -42,7 +43,9 @@ pub(crate) struct StressSums {
     virial: [Sum; 9],
     kinetic: KineticSums,
     center: Center,
-    volume: f64,
+    domain: Domain,
+    dimension: Dimension,
+    images: Option<Deformation>,
 }
 
 /// What makes the integrals of the moments of v.
@@ -79,7 +82,6 @@ fn present(world: &World) -> Moments {
 
 impl StressSums {
     pub fn new(system: &System, world: &World) -> Self {
-        let size = system.domain.size.to_array();
         let sums = Default::default();
         Self {
             since: 0.0,
@@ -89,7 +91,9 @@ impl StressSums {
                 Summed::Trace | Summed::Tensor => KineticSums::Flights(sums),
             },
             center: Center::of(world, 0.0),
-            volume: size[..system.dimension.count()].iter().product(),
+            domain: system.domain,
+            dimension: system.dimension,
+            images: world.boundary.deformation.filter(Deformation::stretches),
         }
     }
 
@@ -108,8 +112,9 @@ impl StressSums {
         match (exchange.partner, exchange.changes.first()) {
             (Partner::Particle { branch, .. }, Some(change)) => {
                 let impulse = -change.mass * (change.after - change.before);
+                let weight = self.images.map_or(1.0, |images| images.weight(exchange.time));
                 for (sum, term) in self.virial.iter_mut().zip(product(branch, impulse)) {
-                    sum.add(term);
+                    sum.add(weight * term);
                 }
             }
             (Partner::Drive, _) => {
@@ -151,7 +156,8 @@ impl StressSums {
     /// The mean over the interval that ends at `time`, which is the present; NaN for an empty interval.
     /// Starts the next interval.
     pub fn finish(&mut self, world: &World, time: f64) -> StressTensor {
-        let (span, volume) = (time - self.since, self.volume);
+        let span = time - self.since;
+        let volume = self.domain.mean_volume(self.dimension, [self.since, time]);
         let sums = self.kinetic.sums().map(|sum| sum.value() / span);
         let mean = match &self.kinetic {
             KineticSums::Changes(_) => {

@@ -9,7 +9,7 @@ use crate::{
     state::{State, world::World},
 };
 
-/// Energies and momenta of the bodies of finite mass; under shear those of peculiar velocities.
+/// Energies and momenta of the bodies of finite mass; in a box that deforms those of peculiar velocities.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Totals {
     pub bodies: f64,
@@ -75,7 +75,9 @@ pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
     let dissipated = accumulators.dissipated() + world.friction_loss();
     let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
-    terms[Term::ShearWork as usize] += world.pending_shear_work();
+    if let Some((term, work)) = world.pending_flow_work() {
+        terms[term as usize] += work;
+    }
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
     let energies =
         [totals.kinetic, totals.rotational, totals.potential, -kinetic, -potential, dissipated, bounces];

@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-15;
 /// rough or thermal; and along no axis with a body of infinite mass, with an Andersen thermostat, or where
 /// grains are put to rest. Under shear it is conserved along the axis that is neither that of the flow nor
 /// that of the gradient: a motion of the center of mass along the gradient leads to places where the flow is
-/// faster, and the shear does work on it.
+/// faster, and the shear does work on it. In a box that is compressed it is conserved along no axis.
 ///
 /// False for the z axis in two dimensions.
 #[must_use]
@@ -26,9 +26,11 @@ pub fn conserved_momentum(system: &System) -> [bool; 3] {
     let is_held = has_body(system, f64::is_infinite) || has_bath(system) || Thresholds::of(system).is_some();
     [0, 1, 2].map(|axis| {
         let sheared = system.domain.shear.is_some_and(|shear| axis == shear.flow || axis == shear.gradient);
+        let is_compressed = system.domain.compression.is_some();
         axis < system.dimension.count()
             && !is_held
             && !sheared
+            && !is_compressed
             && system.domain.boundary[axis] != Boundary::Wall
             && system.domain.gravity[axis] == 0.0
             && !(0..system.walls.len()).any(|wall| pushes_along(system, wall, axis))
@@ -50,7 +52,7 @@ fn has_bath(system: &System) -> bool {
     };
     let changes_momentum = |kind: DriveKind| match kind {
         DriveKind::Andersen { .. } => true,
-        DriveKind::Rescale { .. } | DriveKind::WhiteNoise { .. } => false,
+        DriveKind::Rescale { .. } | DriveKind::Hold { .. } | DriveKind::WhiteNoise { .. } => false,
         DriveKind::Named(named) => !named.get().keeps_momentum(),
     };
     system.drives.iter().any(|drive| changes_momentum(drive.kind) && acts(&drive.species))

@@ -24,6 +24,14 @@ pub enum DriveKind {
         /// Time between actions \[time\].
         interval: f64,
     },
+    /// As `Rescale`, at intervals that follow the heating: short enough that the temperature changes by about half
+    /// of itself between two actions.
+    Hold {
+        /// Temperature after each action \[energy\].
+        temperature: f64,
+        /// Longest time between actions \[time\].
+        longest: f64,
+    },
     /// At the times of a Poisson process, each particle gets a velocity from a Maxwell distribution.
     Andersen {
         /// Temperature of the distribution \[energy\].

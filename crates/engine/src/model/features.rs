@@ -15,8 +15,8 @@ pub(crate) trait Features: Send + Sync + 'static {
     const REST: bool;
     /// No contact loses energy: e = 1 in all laws.
     const ELASTIC: bool;
-    /// The box is under simple shear. Never with `GRAVITY`.
-    const SHEAR: bool;
+    /// The box deforms: its images move. Never with `GRAVITY`.
+    const DEFORMS: bool;
 }
 
 /// The combination of these features.
@@ -25,17 +25,17 @@ pub(crate) struct With<
     const UNIFORM: bool,
     const REST: bool = false,
     const ELASTIC: bool = false,
-    const SHEAR: bool = false,
+    const DEFORMS: bool = false,
 >;
 
-impl<const GRAVITY: bool, const UNIFORM: bool, const REST: bool, const ELASTIC: bool, const SHEAR: bool>
-    Features for With<GRAVITY, UNIFORM, REST, ELASTIC, SHEAR>
+impl<const GRAVITY: bool, const UNIFORM: bool, const REST: bool, const ELASTIC: bool, const DEFORMS: bool>
+    Features for With<GRAVITY, UNIFORM, REST, ELASTIC, DEFORMS>
 {
     const GRAVITY: bool = GRAVITY;
     const UNIFORM: bool = UNIFORM;
     const REST: bool = REST;
     const ELASTIC: bool = ELASTIC;
-    const SHEAR: bool = SHEAR;
+    const DEFORMS: bool = DEFORMS;
 }
 
 /// Any particles, without gravity.
@@ -44,10 +44,10 @@ pub(crate) type Polydisperse = With<false, false>;
 pub(crate) type FallingPolydisperse = With<true, false>;
 /// Any grains under gravity that can be put to rest.
 pub(crate) type Settling = With<true, false, true>;
-/// Any particles in a sheared box.
-pub(crate) type ShearedPolydisperse = With<false, false, false, false, true>;
+/// Any particles in a box that deforms.
+pub(crate) type DeformingPolydisperse = With<false, false, false, false, true>;
 #[cfg(not(test))]
-pub(crate) use fast::{ElasticMonodisperse, FallingMonodisperse, Monodisperse, ShearedMonodisperse};
+pub(crate) use fast::{DeformingMonodisperse, ElasticMonodisperse, FallingMonodisperse, Monodisperse};
 
 /// Combinations that are only faster than those above, with the same bits.
 #[cfg(not(test))]
@@ -58,13 +58,13 @@ mod fast {
     pub(crate) type Monodisperse = super::With<false, true>;
     /// Particles of one size and mass under gravity.
     pub(crate) type FallingMonodisperse = super::With<true, true>;
-    /// Particles of one size and mass in a sheared box.
-    pub(crate) type ShearedMonodisperse = super::With<false, true, false, false, true>;
+    /// Particles of one size and mass in a box that deforms.
+    pub(crate) type DeformingMonodisperse = super::With<false, true, false, false, true>;
 }
 
 /// The unit tests of this crate are compiled in half the time without them; tests/ runs all combinations.
 #[cfg(test)]
 pub(crate) use self::{
-    FallingPolydisperse as FallingMonodisperse, Polydisperse as ElasticMonodisperse,
-    Polydisperse as Monodisperse, ShearedPolydisperse as ShearedMonodisperse,
+    DeformingPolydisperse as DeformingMonodisperse, FallingPolydisperse as FallingMonodisperse,
+    Polydisperse as ElasticMonodisperse, Polydisperse as Monodisperse,
 };

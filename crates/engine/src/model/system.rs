@@ -53,6 +53,30 @@ pub struct Domain {
     pub compression: Option<Compression>,
 }
 
+impl Domain {
+    /// Edge lengths at a time of the run \[length\].
+    #[must_use]
+    pub fn edges(&self, time: f64) -> DVec3 {
+        self.compression.map_or(self.size, |compression| compression.edges(self.size, time))
+    }
+
+    /// Volume at a time, in two dimensions the area [length^d].
+    #[must_use]
+    pub fn volume(&self, dimension: Dimension, time: f64) -> f64 {
+        self.edges(time).to_array()[..dimension.count()].iter().product()
+    }
+
+    /// The volume by which sums over an interval are divided for means of the pressure [length^d]: along axes
+    /// with walls the mean edge; along periodic ones that at time 0, because the sums have weights there.
+    pub(crate) fn mean_volume(&self, dimension: Dimension, [from, to]: [f64; 2]) -> f64 {
+        let mean = self.edges(0.5 * (from + to));
+        let edge = |axis: usize| {
+            if self.boundary[axis] == Boundary::Periodic { self.size[axis] } else { mean[axis] }
+        };
+        (0..dimension.count()).map(edge).product()
+    }
+}
+
 /// Properties shared by particles: size, mass and contact group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Class {

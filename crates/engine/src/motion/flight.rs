@@ -126,10 +126,13 @@ impl World {
         let particle = &mut self.particles[i as usize];
         (particle.position, particle.velocity, particle.time) = (position, velocity, self.now);
         self.wrap_anchor(i);
-        if let Some(shear) = &self.boundary.shear {
+        if let Some(images) = &self.boundary.deformation {
             // A contact that is due now has been predicted for an image that has come this far.
-            let speeds = [velocity, self.particles[i as usize].velocity].map(|v| v[shear.flow].abs());
-            self.note_path((speeds[0].max(speeds[1]) + shear.speed.abs()) * age);
+            let along = images.sliding.map_or(DVec3::ONE, |shear| DVec3::AXES[shear.flow]);
+            let speeds =
+                [velocity, self.particles[i as usize].velocity].map(|v| (v * along).abs().max_element());
+            let image = images.sliding.map_or(images.speeds.abs().max_element(), |shear| shear.speed.abs());
+            self.note_path((speeds[0].max(speeds[1]) + image) * age);
         }
     }
 
@@ -151,15 +154,16 @@ impl World {
         if wraps != [0; 3] {
             let particle = &mut self.particles[i as usize];
             particle.position = position;
-            if self.boundary.shear.is_some() {
+            if self.boundary.deformation.is_some() {
                 particle.velocity += velocity;
             }
             for (image, turns) in self.images[i as usize].iter_mut().zip(wraps) {
                 *image += turns;
             }
-            if let Some(shear) = &self.boundary.shear {
+            if let Some(shear) = self.shear() {
                 // Wraps along the flow are not the length of a flight.
-                self.note_path(before[shear.flow].abs());
+                let path = before[shear.flow].abs();
+                self.note_path(path);
                 return wraps;
             }
             for (axis, turns) in wraps.into_iter().enumerate().filter(|(_, turns)| turns.abs() > 1) {

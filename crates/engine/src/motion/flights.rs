@@ -3,20 +3,21 @@ The kinetic term of pressures where particles accelerate between events: ∫ Σ 
 
 Without acceleration c changes in events only, and the integral is its value at the end minus moments of the
 changes ([`crate::state::accumulators`], [`crate::measure`]). Under gravity, on walls that carry grains and
-under shear each flight adds its own integral when it ends. With the velocity c in the middle of a time τ of
+in a box that deforms each flight adds its own integral when it ends. With the velocity c in the middle of a time τ of
 constant acceleration a,
 
  ∫ c ⊗ c dt = τ (c ⊗ c + τ²/12 a ⊗ a),
 
 which is a sum of positive terms and loses no digits. Peculiar velocities under shear have the acceleration
-−γ̇ c_y along the flow. A carried grain has, in addition, the velocity of the wall along its normal.
+−γ̇ c_y along the flow. A carried grain has, in addition, the velocity of the wall along its normal. Where edges
+become shorter or longer, c and the volume change along the flight: `Deformation::integral`.
 */
 
 use glam::DVec3;
 
 use crate::{
     model::wall_motion::WallMotion,
-    motion::shear_work,
+    motion::flow_work,
     numerics::{instant::Instant, total::total},
     state::{
         State,
@@ -38,7 +39,18 @@ impl World {
         if class.inverse_mass == 0.0 || duration <= 0.0 {
             return [0.0; 9];
         }
-        let (velocity, acceleration) = match &self.boundary.shear {
+        if let Some(images) = &self.boundary.deformation
+            && images.stretches()
+        {
+            let position = particle.position + particle.velocity * start.since(anchor);
+            let weights = |c: DVec3| {
+                let (second, p) = (symmetric(c, class.mass * c), class.mass * c);
+                let [xx, xy, xz, yy, yz, zz] = second;
+                [xx, xy, xz, yy, yz, zz, p.x, p.y, p.z]
+            };
+            return images.integral([position, particle.velocity], start.time(), duration, weights);
+        }
+        let (velocity, acceleration) = match self.shear() {
             Some(shear) => {
                 let velocity = particle.velocity - shear.velocity(particle.position);
                 (velocity, DVec3::AXES[shear.flow] * (-shear.rate * velocity[shear.gradient]))
@@ -92,7 +104,7 @@ impl Accumulators {
 /// acceleration is still that of the flight.
 #[inline(always)]
 pub(crate) fn end(state: &mut State, i: u32, ticks: i64) {
-    if !state.world.flies_straight() || state.world.boundary.shear.is_some() {
+    if !state.world.flies_straight() || state.world.boundary.deformation.is_some() {
         end_after(state, i, state.world.age(i, ticks));
     }
 }
@@ -100,7 +112,7 @@ pub(crate) fn end(state: &mut State, i: u32, ticks: i64) {
 /// [`end`] for a flight of `duration` \[time\].
 #[inline(never)]
 fn end_after(state: &mut State, i: u32, duration: f64) {
-    shear_work::end_flight_after(state, i, duration);
+    flow_work::end_flight_after(state, i, duration);
     let State { world, accumulators, .. } = state;
     if world.flights != Summed::Nothing {
         let end = world.clock.instant(world.particles[i as usize].time).after(duration);

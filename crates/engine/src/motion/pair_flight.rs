@@ -68,7 +68,7 @@ impl PairFlight {
         let from = a.time.max(b.time);
         let present = separation + v * ((world.now - from) as f64 * tick);
         let sigma2 = sigma * sigma;
-        if F::SHEAR {
+        if F::DEFORMS {
             let (r, v) = world.image_of_present(separation, v, present, from);
             return Some(Self { from, r, v, sigma2, velocities: [va, vb] });
         }

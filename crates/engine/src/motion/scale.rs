@@ -38,7 +38,7 @@ impl World {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
             .chain(self.boundary.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
-            .chain(self.boundary.shear.iter().map(|shear| shear.speed.powi(2)))
+            .chain(self.boundary.deformation.iter().map(|images| images.fastest().powi(2)))
             .fold(0.0, f64::max);
         let present = (fastest + 2.0 * self.gravity.length() * extent).sqrt();
         // What is given soon, if the present speeds are much lower: the tick is chosen for a whole epoch.
@@ -52,6 +52,7 @@ impl World {
     /// Largest extent of the system along any axis [length].
     pub fn extent(&self, open: [bool; 3]) -> f64 {
         let mut extent: f64 = 0.0;
+        let edges = self.periodicity(self.now).size;
         let radius = self.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
         for axis in 0..3 {
             if open[axis] {
@@ -59,7 +60,7 @@ impl World {
                     extent = extent.max(self.state(i, self.now).0[axis].abs());
                 }
             } else {
-                extent = extent.max(self.boundary.periodicity.size[axis]);
+                extent = extent.max(edges[axis]);
             }
         }
         extent.max(2.0 * radius)

@@ -79,6 +79,21 @@ pub enum EngineError {
         /// Depth of the overlap [contact distances; radii at a wall].
         depth: f64,
     },
+    /// A box that is compressed has become so short that a particle would touch its own image.
+    #[error(
+        "the edge of the box along {} has become {}, and particles touch their own images, at t = {}",
+        ["x", "y", "z"][*axis],
+        significant(*edge, 6),
+        significant(*time, 9)
+    )]
+    ShortEdge {
+        /// When [time].
+        time: f64,
+        /// The axis: 0, 1 or 2.
+        axis: usize,
+        /// The edge [length].
+        edge: f64,
+    },
     /// The processor does not support the requested instructions.
     #[error("engine.simd = \"avx2\": this processor does not have AVX2; use \"auto\" or \"portable\"")]
     NoAvx2,
@@ -132,6 +147,7 @@ impl EngineError {
             Self::Checkpoint(_) => Fault::Checkpoint,
             Self::Collapse { .. }
             | Self::Overflow { .. }
+            | Self::ShortEdge { .. }
             | Self::LongTick { .. }
             | Self::Plugin { .. }
             | Self::Overlap { .. }

@@ -69,7 +69,8 @@ impl Term {
         match self {
             Self::WallWork => true,
             Self::WallHeat => system.contacts.wall.iter().any(WallLaw::is_thermal),
-            Self::DriveWork => !system.drives.is_empty(),
+            // The work of the flow of a compression, too.
+            Self::DriveWork => !system.drives.is_empty() || system.domain.compression.is_some(),
             Self::ShearWork => system.domain.shear.is_some(),
             Self::Rest => system.contacts.rest_speed > 0.0,
             // No system says whether a run is changed on its way: `SceneFeatures::with_terms` does.

@@ -71,6 +71,8 @@ pub struct SceneFeatures {
     pub spin: bool,
     /// The box is sheared.
     pub shear: bool,
+    /// The box is compressed.
+    pub compression: bool,
     /// The pressure tensor is measured.
     pub stress: bool,
     /// The forces on walls are measured.
@@ -92,6 +94,7 @@ impl SceneFeatures {
             species: !system.species.is_empty(),
             spin: system.spin.is_some(),
             shear: system.domain.shear.is_some(),
+            compression: system.domain.compression.is_some(),
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             terms: Term::ALL.map(|term| term.exists(system)),
@@ -118,6 +121,7 @@ impl SceneFeatures {
             species: true,
             spin: true,
             shear: true,
+            compression: true,
             stress: true,
             wall_forces: true,
             terms: [true; Term::ALL.len()],
@@ -141,7 +145,7 @@ const ENERGIES: [Observable; 7] = [
 ];
 
 /// Rows after the terms of the energy balance.
-const OTHERS: [Observable; 19] = [
+const OTHERS: [Observable; 21] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
     row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
@@ -154,6 +158,8 @@ const OTHERS: [Observable; 19] = [
     ),
     row("sonine_a2", "1", Quantity::Real(|s| s.sonine_a2), always),
     row("pressure", PRESSURE, Quantity::Real(|s| s.pressure.unwrap_or(f64::NAN)), |p| p.volume),
+    row("box_volume", "length^d", Quantity::Real(|s| s.box_volume), |p| p.compression),
+    row("packing_fraction", "1", Quantity::Real(|s| s.packing_fraction), |p| p.compression),
     row("pressure_tensor", PRESSURE, Quantity::Tensor(|s| stress(s).total()), |p| p.stress),
     row("pressure_tensor_kinetic", PRESSURE, Quantity::Tensor(|s| stress(s).kinetic), |p| p.stress),
     row("pressure_tensor_collisional", PRESSURE, Quantity::Tensor(|s| stress(s).collisional), |p| p.stress),

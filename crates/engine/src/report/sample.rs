@@ -17,8 +17,8 @@ pub struct Frame {
     pub velocity: Vec<DVec3>,
     /// Box images: unwrapped position = position + Σ image · edge vector.
     pub image: Vec<[i32; 3]>,
-    /// Edge vectors of the box \[length\]. Under shear that along the gradient has a component along the
-    /// flow, at most half an edge.
+    /// Edge vectors of the box at this time \[length\]. Under shear that along the gradient has a component
+    /// along the flow, at most half an edge.
     pub edges: [DVec3; 3],
     /// Angular velocities [1/time]; empty without spin.
     pub angular_velocity: Vec<DVec3>,
@@ -46,8 +46,13 @@ pub struct Sample {
     /// a₂ = d⟨v⁴⟩/((d + 2)⟨v²⟩²) − 1, with v − V for v; NaN without motion.
     pub sonine_a2: f64,
     /// Mean pressure since the previous sample, kinetic and collisional [energy/length^d], with the
-    /// velocities v − V; NaN in the first sample, `None` with open axes.
+    /// velocities v − V; NaN in the first sample, `None` with open axes. In a box that is compressed it is
+    /// the mean of P, with the volume of each time.
     pub pressure: Option<f64>,
+    /// Volume of the box now [length^d]; NaN with open axes.
+    pub box_volume: f64,
+    /// Volume of all particles over that of the box; NaN unless the box is compressed.
+    pub packing_fraction: f64,
     /// Mean pressure tensor since the previous sample, if it is measured; NaN in the first sample.
     pub stress: Option<StressTensor>,
     /// Mean force of the particles on each wall since the previous sample [mass·length/time²], and the heat

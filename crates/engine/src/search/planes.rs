@@ -53,7 +53,7 @@ impl Planes {
             .walls
             .iter()
             .map(|wall| wall.point.length())
-            .fold(world.boundary.periodicity.size.length(), f64::max);
+            .fold(world.periodicity(world.now).size.length(), f64::max);
         Self { planes: planes.collect(), slack: SLACK * extent }
     }
 

@@ -26,7 +26,7 @@ use crate::{
     laws::{series, slide},
     measure::totals::Totals,
     model::{Body, Class, Domain, System},
-    motion::{flights, shear_work},
+    motion::{flights, flow_work},
     numerics::{clock::Clock, error::EngineError, instant::Instant},
     report::{
         EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange, ledger::Term, row,
@@ -115,7 +115,7 @@ impl Simulation {
             |what: &str| Err(EngineError::Change(format!("{what} cannot change in a run that goes on")));
         let (own, domain) = (&self.system, &system.domain);
         let world = &self.state.world;
-        let box_of = |domain: &Domain| (domain.size, domain.boundary, domain.shear);
+        let box_of = |domain: &Domain| (domain.size, domain.boundary, domain.shear, domain.compression);
         if box_of(&own.domain) != box_of(domain) || own.dimension != system.dimension {
             return refuse("the box");
         }
@@ -185,7 +185,7 @@ impl Simulation {
         }
         for i in 0..state.world.particles.len() as u32 {
             let age = state.world.age(i, now);
-            shear_work::end_flight_after(&mut state, i, age);
+            flow_work::end_flight_after(&mut state, i, age);
         }
         let flights = flights::take(&mut state);
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));

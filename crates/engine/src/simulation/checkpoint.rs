@@ -255,6 +255,7 @@ impl Simulation {
             total: scalars.total("force"),
             impulse: scalars.total("force_impulse"),
             until: scalars.real("force_until"),
+            rates: world.force.rates,
         };
         accumulators.sampled_at = scalars.real("sampled_at");
         accumulators.sampled_collisions = scalars.take("sampled_collisions");

@@ -12,15 +12,15 @@
 //! the system.
 
 use glam::DVec3;
-use haff_neighbors::{AllPairs, Cells, Geometry, ShearedCells, ShearedPairs};
+use haff_neighbors::{AllPairs, Cells, DeformingCells, DeformingPairs, Geometry};
 
 use crate::{
     laws::event::{AnyEvent, Impact},
     model::{
         Boundary, NeighborChoice, Options, System,
         features::{
-            ElasticMonodisperse, FallingMonodisperse, FallingPolydisperse, Features, Monodisperse,
-            Polydisperse, Settling, ShearedMonodisperse, ShearedPolydisperse,
+            DeformingMonodisperse, DeformingPolydisperse, ElasticMonodisperse, FallingMonodisperse,
+            FallingPolydisperse, Features, Monodisperse, Polydisperse, Settling,
         },
         thresholds::Thresholds,
     },
@@ -36,7 +36,7 @@ use crate::{
         summary::{LocalDensity, SystemSummary},
         windows::{self, Windows},
     },
-    state::{surroundings::can_carry, world::World},
+    state::{deformation::Deformation, surroundings::can_carry, world::World},
 };
 
 /// A scheduler is replaced only when the density is beyond the limit by this factor: frequent changes back
@@ -259,8 +259,8 @@ impl Choice {
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(system, geometry);
         }
-        if system.domain.shear.is_some() {
-            return self.compile_for_shear(system, geometry);
+        if Deformation::of(system).is_some() {
+            return self.compile_for_deformation(system, geometry);
         }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         // The elastic engine keeps no times of contacts, which a law may need after a change.
@@ -309,27 +309,30 @@ impl Choice {
         Some(Box::new(engine.ok()?))
     }
 
-    /// The engine for a sheared system.
-    fn compile_for_shear(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+    /// The engine for a box that deforms.
+    fn compile_for_deformation(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         if self.summary.uniform {
-            self.compile_sheared::<ShearedMonodisperse>(system, geometry)
+            self.compile_deforming::<DeformingMonodisperse>(system, geometry)
         } else {
-            self.compile_sheared::<ShearedPolydisperse>(system, geometry)
+            self.compile_deforming::<DeformingPolydisperse>(system, geometry)
         }
     }
 
-    fn compile_sheared<F: Features>(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+    fn compile_deforming<F: Features>(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         let Self { kernel, summary, density, .. } = self;
         match self.search {
-            Some(Search::AllPairs) => Box::new(CalendarScheduler::<ShearedPolydisperse, ShearedPairs>::new(
-                geometry,
-                *kernel,
-                summary.count,
-            )),
+            Some(Search::AllPairs) => {
+                Box::new(CalendarScheduler::<DeformingPolydisperse, DeformingPairs>::new(
+                    geometry,
+                    *kernel,
+                    summary.count,
+                ))
+            }
+            Some(Search::Lists) if let Some(engine) = self.compile_for_lists::<F, Impact>(system) => engine,
             Some(Search::Windows) => {
                 Box::new(Windows::<F>::new(geometry, *kernel, system, summary, density, self.blocks))
             }
-            _ => Box::new(CalendarScheduler::<F, ShearedCells>::new(geometry, *kernel, summary.count)),
+            _ => Box::new(CalendarScheduler::<F, DeformingCells>::new(geometry, *kernel, summary.count)),
         }
     }
 

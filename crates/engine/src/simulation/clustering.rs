@@ -23,8 +23,10 @@ const DURATION: f64 = 1e-4;
 pub fn critical_length(system: &System) -> Option<f64> {
     let axes = system.dimension.count();
     let closed = !system.domain.boundary[..axes].contains(&Boundary::Open);
-    let free =
-        system.domain.gravity == DVec3::ZERO && system.domain.shear.is_none() && system.drives.is_empty();
+    let free = system.domain.gravity == DVec3::ZERO
+        && system.domain.shear.is_none()
+        && system.domain.compression.is_none()
+        && system.drives.is_empty();
     let moved = system.walls.iter().any(|wall| wall.motion.max_speed() > 0.0)
         || system.contacts.wall.iter().any(WallLaw::is_thermal)
         || system.classes.iter().any(|class| class.mass.is_infinite());

@@ -4,15 +4,15 @@ use glam::DVec3;
 
 use crate::{
     model::{Body, System, conserved::common_velocity},
-    state::sliding_images::SlidingImages,
+    state::deformation::Deformation,
 };
 
-/// Velocities of all bodies relative to the flow of a shear, and to the center of mass of those of finite
+/// Velocities of all bodies relative to the flow of a box that deforms, and to the center of mass of those of finite
 /// mass.
 pub fn thermal_velocities(system: &System) -> impl Iterator<Item = DVec3> {
-    let shear = SlidingImages::of(system);
+    let images = Deformation::of(system);
     let relative = move |body: &Body| {
-        let flow = shear.as_ref().map_or(DVec3::ZERO, |shear| shear.velocity(body.position));
+        let flow = images.map_or(DVec3::ZERO, |images| images.velocity(body.position, 0.0));
         body.velocity - flow
     };
     let (mut mass, mut momentum) = (0.0, DVec3::ZERO);
@@ -32,9 +32,9 @@ pub fn thermal_velocities(system: &System) -> impl Iterator<Item = DVec3> {
 /// ([`conserved_momentum`]).
 #[must_use]
 pub fn initial_temperature(system: &System, conserved: [bool; 3]) -> Option<f64> {
-    let shear = SlidingImages::of(system);
+    let images = Deformation::of(system);
     let peculiar = |body: &Body| {
-        body.velocity - shear.as_ref().map_or(DVec3::ZERO, |shear| shear.velocity(body.position))
+        body.velocity - images.map_or(DVec3::ZERO, |images| images.velocity(body.position, 0.0))
     };
     let movable = || {
         let all = system.bodies.iter().map(|body| (system.classes[body.class as usize].mass, peculiar(body)));

@@ -1,6 +1,6 @@
 //! A run: the state, its engine and the epochs of the clock.
 
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
 use glam::DVec3;
 use haff_neighbors::Geometry;
@@ -23,6 +23,7 @@ use crate::{
     search::{
         batch::Kernel,
         event_loop::{Engine, Limit},
+        matrix::Search,
         sharing::Sharing,
     },
     simulation::{choice::Choice, clustering::suitable_contact_duration},
@@ -72,6 +73,8 @@ pub struct Simulation {
     pub(super) actions: Vec<Box<dyn TimedAction>>,
     pub(crate) measurements: Vec<Box<dyn Measurement>>,
     pub(crate) options: Options,
+    /// Until when searches may be used in a box that deforms \[ticks\].
+    horizon: i64,
     /// The requested time of the last stop [time]; the present tick is only the nearest one.
     pub(super) stop_time: Option<f64>,
     /// A contact duration that suits the system, for the error of a collapse [time].
@@ -121,9 +124,12 @@ impl Simulation {
             }
         }
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
-        let choice = Choice::new(options, kernel, &system, &state.world)?;
-        choice.log(&system, &state.world);
-        let geometry = geometry(&system, &state.world, choice.filled());
+        let present = present_system(&system, &state.world);
+        let choice = Choice::new(options, kernel, &present, &state.world)?;
+        choice.log(&present, &state.world);
+        let geometry = geometry(&present, &state.world, choice.filled());
+        let engine = choice.compile(&present, &geometry);
+        drop(present);
         let species = Species::new(&system);
         let contact_duration = suitable_contact_duration(&system);
         // The state has a copy of the bodies; they are a quarter of the memory of a large system.
@@ -131,7 +137,6 @@ impl Simulation {
         if let Some(spin) = &mut system.spin {
             spin.angular_velocity = Vec::new();
         }
-        let engine = choice.compile(&system, &geometry);
         let mut simulation = Self {
             system,
             species,
@@ -143,6 +148,7 @@ impl Simulation {
             actions,
             measurements,
             options,
+            horizon: i64::MAX,
             stop_time: None,
             contact_duration,
         };
@@ -152,7 +158,18 @@ impl Simulation {
 
     /// Has the engine predict all particles from the state.
     pub(super) fn predict_all(&mut self) {
-        self.geometry.sliding = self.state.world.sliding_images();
+        if self.state.world.boundary.deformation.is_some() {
+            let world = &mut self.state.world;
+            let horizon = world.begin_horizon();
+            // Cells and windows follow a shear for ever.
+            let follows = world.shear().is_some() && self.choice.search() != Search::Lists;
+            self.horizon = if follows { i64::MAX } else { horizon };
+            let edges = self.state.world.periodicity(self.state.world.now).size;
+            for axis in (0..3).filter(|&axis| self.system.domain.boundary[axis] == Boundary::Periodic) {
+                self.geometry.size[axis] = edges[axis];
+            }
+            self.geometry.deforming = self.state.world.moving_images();
+        }
         self.engine.rebuild(&mut self.state, &self.geometry);
     }
 
@@ -170,11 +187,54 @@ impl Simulation {
             sum.normalize();
         }
         self.choice.after(self.state.accumulators.counters.collisions);
-        if self.choice.reconsider(&self.system, &self.state.world) {
-            self.geometry = geometry(&self.system, &self.state.world, self.choice.filled());
-            self.engine = self.choice.compile(&self.system, &self.geometry);
+        let system = present_system(&self.system, &self.state.world);
+        if self.choice.reconsider(&system, &self.state.world) {
+            self.geometry = geometry(&system, &self.state.world, self.choice.filled());
+            self.engine = self.choice.compile(&system, &self.geometry);
+            drop(system);
             self.rebuild();
         }
+    }
+
+    /// Whether edges become shorter or longer.
+    fn stretches(&self) -> bool {
+        self.state.world.boundary.deformation.is_some_and(|images| images.stretches())
+    }
+
+    /// Whether particles in a box that expands hardly move relative to each other any more. No search tells this:
+    /// some have nothing to do earlier than others.
+    fn is_frozen(&self) -> bool {
+        const PATH: f64 = 1e-9;
+        let world = &self.state.world;
+        let Some(images) = world.boundary.deformation.filter(|images| images.stretches()) else {
+            return false;
+        };
+        let speeds = (0..world.particles.len() as u32)
+            .map(|i| world.peculiar(i, world.now).1.abs())
+            .fold(DVec3::ZERO, DVec3::max);
+        images.path_left(speeds, world.clock.time(world.now)) < PATH * self.choice.summary.least
+    }
+
+    /// Makes the search again for the present edges of a box that deforms.
+    #[cold]
+    fn renew(&mut self) -> Result<(), EngineError> {
+        let world = &self.state.world;
+        let time = world.clock.time(world.now);
+        let short = world.boundary.deformation.as_ref().and_then(|images| images.too_short(time));
+        if let Some((axis, edge)) = short {
+            return Err(EngineError::ShortEdge { time, axis, edge });
+        }
+        if world.shear().is_some() {
+            self.predict_all();
+            return Ok(());
+        }
+        let system = present_system(&self.system, world);
+        self.choice.reconsider(&system, world);
+        self.geometry = geometry(&system, world, self.choice.filled());
+        self.engine = self.choice.compile(&system, &self.geometry);
+        drop(system);
+        self.rebuild();
+        Ok(())
     }
 
     /// Runs events until the first of the bounds, or until nothing moves and no event is due.
@@ -193,7 +253,7 @@ impl Simulation {
             let events = self.events();
             let mut limit = Limit {
                 // Events at the last tick of an epoch belong to the next epoch.
-                ticks: target.min(EPOCH - 1).min(due),
+                ticks: target.min(EPOCH - 1).min(due).min(self.horizon),
                 collisions: until.collisions.min(self.choice.review),
                 entries: slice,
             };
@@ -236,8 +296,16 @@ impl Simulation {
                         return Ok(self.rest(observer));
                     }
                 }
+                Pause::Time if limit.ticks == self.horizon => {
+                    if until.time == f64::INFINITY && !self.is_driven() && self.is_frozen() {
+                        return Ok(self.rest(observer));
+                    }
+                    self.renew()?;
+                    entries = entries.saturating_sub(1 + self.particles() as u64);
+                }
                 Pause::Time => {
-                    if until.time == f64::INFINITY && self.engine.is_idle() && !self.is_driven() {
+                    let idle = self.engine.is_idle() && !self.stretches();
+                    if until.time == f64::INFINITY && idle && !self.is_driven() {
                         return Ok(Stop::Rest);
                     }
                     if target < EPOCH {
@@ -452,6 +520,16 @@ impl Simulation {
         );
         self.rebuild();
     }
+}
+
+/// The system with the edges that its box has at present, for searches.
+fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, System> {
+    if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
+        return Cow::Borrowed(system);
+    }
+    let mut present = system.clone();
+    present.domain.size = world.periodicity(world.now).size;
+    Cow::Owned(present)
 }
 
 /// The timed actions of a system. The system must still have its bodies.

@@ -119,8 +119,11 @@ pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint)
         require((-OLDEST_ANCHOR..=now).contains(&anchor), || {
             format!("anchor[{i}] = {anchor} must be in [{}, {now}] ticks, now at the latest", -OLDEST_ANCHOR)
         })?;
+        let rounding = if world.boundary.deformation.is_some() { 4.0 * f64::EPSILON } else { 0.0 };
+        let edges = world.periodicity(anchor).size * (1.0 + rounding);
         for axis in 0..3 {
-            let (x, size) = (position[axis], system.domain.size[axis]);
+            // The box at the time of the anchor, which may be that of another epoch.
+            let (x, size) = (position[axis], edges[axis]);
             let (image, initial) = (checkpoint.image[i][axis], system.bodies[i].image[axis]);
             if system.domain.boundary[axis] == Boundary::Periodic {
                 require((0.0..=size).contains(&x), || {

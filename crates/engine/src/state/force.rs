@@ -1,4 +1,8 @@
 //! The external force on the particles, and its impulse.
+//!
+//! In a box that is compressed the flow changes the total peculiar momentum P along an axis, so that P (1 + a t)
+//! is constant between kicks, with the rate a of the edge: the impulse in a time is this constant times the
+//! change of 1/(1 + a t).
 
 use glam::DVec3;
 
@@ -30,6 +34,8 @@ pub(crate) struct Force {
     /// Impulse [mass·length/time] until the time `until` [time].
     pub impulse: Total,
     pub until: f64,
+    /// a along each axis [1/time]. Where it is not 0, `total` is P (1 + a t) instead of a force.
+    pub rates: DVec3,
 }
 
 impl Force {
@@ -50,8 +56,10 @@ impl Force {
 
     /// Adds the impulse from `self.until` to `time` to a sum.
     fn add_impulse(&self, impulse: &mut Total, time: f64) {
-        let span = time - self.until;
-        for (impulse, total) in impulse.iter_mut().zip(&self.total) {
+        let (from, to) = (DVec3::ONE + self.rates * self.until, DVec3::ONE + self.rates * time);
+        let stretched = self.rates * (self.until - time) / (from * to);
+        for (axis, (impulse, total)) in impulse.iter_mut().zip(&self.total).enumerate() {
+            let span = if self.rates[axis] == 0.0 { time - self.until } else { stretched[axis] };
             impulse.add(total.high * span);
             impulse.add(total.low * span);
         }

@@ -20,6 +20,7 @@ are the sums over events, [`State`] is both together with what is pending. A che
 pub(crate) mod accumulators;
 pub(crate) mod center;
 pub(crate) mod contact_times;
+pub(crate) mod deformation;
 pub(crate) mod flight_sums;
 pub(crate) mod force;
 pub(crate) mod laws;

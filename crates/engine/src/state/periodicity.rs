@@ -10,8 +10,12 @@ use crate::model::{Boundary, Domain};
 /// The edge lengths of the box, and its periodic axes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Periodicity {
-    /// Edge lengths L [length].
+    /// Edge lengths L [length]; of a box that is compressed those at time 0.
     pub size: DVec3,
+    /// Positions below these along each axis are in the box, and differences of less than half of these are
+    /// those of the nearest image [length]. The edges; of a box that is compressed the shortest ones that it has
+    /// while a search is used.
+    pub certain: DVec3,
     /// Whether the box is periodic along each axis.
     pub is_periodic: [bool; 3],
     /// 1/L along periodic axes, 0 along others.
@@ -24,7 +28,17 @@ impl Periodicity {
         let is_periodic = domain.boundary.map(|boundary| boundary == Boundary::Periodic);
         let inverse_size =
             [0, 1, 2].map(|axis| if is_periodic[axis] { 1.0 / domain.size[axis] } else { 0.0 });
-        Self { size: domain.size, is_periodic, inverse_size }
+        Self { size: domain.size, certain: domain.size, is_periodic, inverse_size }
+    }
+
+    /// The same axes with other edges along the periodic ones.
+    #[inline]
+    pub fn with_edges(&self, edges: DVec3) -> Self {
+        let (mut size, mut inverse_size) = (self.size, self.inverse_size);
+        for axis in (0..3).filter(|&axis| self.is_periodic[axis]) {
+            (size[axis], inverse_size[axis]) = (edges[axis], 1.0 / edges[axis]);
+        }
+        Self { size, certain: size, inverse_size, ..*self }
     }
 
     /// Wraps a position into the box along periodic axes. Returns the position and the number of box lengths
@@ -56,7 +70,7 @@ impl Periodicity {
     /// Whether a position is within the box along all axes, so that [`Self::wrap`] changes nothing.
     #[inline(always)]
     pub fn contains(&self, position: DVec3) -> bool {
-        position.cmpge(DVec3::ZERO).all() && position.cmplt(self.size).all()
+        position.cmpge(DVec3::ZERO).all() && position.cmplt(self.certain).all()
     }
 
     /// The nearest image of a difference of positions.
@@ -71,6 +85,15 @@ impl Periodicity {
             }
         }
         DVec3::from_array(r)
+    }
+
+    /// The shift to the nearest image of a difference of positions.
+    pub fn nearest_shift(&self, r: DVec3) -> Shift {
+        [0, 1, 2].map(|axis| {
+            let length = self.size[axis];
+            let is_far = self.is_periodic[axis] && 2.0 * r[axis].abs() > length;
+            if is_far { -(r[axis] / length).round_ties_even() as i32 } else { 0 }
+        })
     }
 
     /// The number of edges nearest to a difference of coordinates along an axis; 0 if it is not periodic.

@@ -39,9 +39,9 @@ fn given_speed(system: &System) -> f64 {
     let lightest = finite.fold(f64::INFINITY, f64::min);
     let extent = system.domain.size.max_element();
     let driven = system.drives.iter().map(|drive| match drive.kind {
-        DriveKind::Rescale { temperature, .. } | DriveKind::Andersen { temperature, .. } => {
-            (temperature / lightest).sqrt()
-        }
+        DriveKind::Rescale { temperature, .. }
+        | DriveKind::Hold { temperature, .. }
+        | DriveKind::Andersen { temperature, .. } => (temperature / lightest).sqrt(),
         // The speed that a particle reaches while it crosses the system.
         DriveKind::WhiteNoise { strength, .. } => (strength * extent).cbrt(),
         // Unknown: the tick becomes shorter when it is needed.

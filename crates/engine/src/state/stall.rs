@@ -19,6 +19,11 @@ const SPAN: i64 = 1 << 27;
 /// for each particle.
 const EVENTS: u64 = 100_000;
 const EVENTS_PER_PARTICLE: u64 = 10;
+/// The same where edges become shorter: near jamming all particles have more and more events, as long as the
+/// clock resolves them.
+const SPAN_OF_JAM: i64 = 1 << 8;
+/// Those events are of most particles; of the last ones recorded, at least of this part of them.
+const JAMMED: f64 = 0.25;
 /// The participants of this many further events are recorded before the collapse is reported.
 const RECORDED_EVENTS: u64 = 10_000;
 
@@ -97,10 +102,22 @@ impl Stall {
         if self.events < enough {
             return Ok(());
         }
+        if self.is_jam(world, time) {
+            (self.since, self.events) = (time, 0);
+            return Ok(());
+        }
         let error = self.collapse(world, time, particles[0]);
         // The event is not resolved: a run that resumes from here counts it again.
         self.events -= 1;
         Err(error)
+    }
+
+    /// Whether so many events are those of particles that jam, and not of a few that collapse.
+    fn is_jam(&self, world: &World, time: i64) -> bool {
+        let shrinks = world.boundary.deformation.is_some_and(|images| images.rates.min_element() < 0.0)
+            || world.boundary.walls.iter().any(|wall| wall.motion.sweep(wall.normal) == f64::INFINITY);
+        let count = world.particles.len().min(RECORDED_EVENTS as usize) as f64;
+        shrinks && time - self.since >= SPAN_OF_JAM && self.particles.len() as f64 >= JAMMED * count
     }
 
     fn collapse(&self, world: &World, time: i64, particle: u32) -> EngineError {

@@ -1,8 +1,10 @@
 //! What is around the particles: the box with its images, and walls.
 
+use glam::DVec3;
+
 use crate::{
     model::{System, Wall, WallLaw},
-    state::{periodicity::Periodicity, sliding_images::SlidingImages, wall_sums::WallSums},
+    state::{deformation::Deformation, periodicity::Periodicity, wall_sums::WallSums},
 };
 
 /// The box and the walls.
@@ -10,8 +12,8 @@ use crate::{
 pub(crate) struct Surroundings {
     /// Edge lengths of the box, and its periodic images.
     pub periodicity: Periodicity,
-    /// The images of a sheared box.
-    pub shear: Option<SlidingImages>,
+    /// How the box deforms.
+    pub deformation: Option<Deformation>,
     pub walls: Vec<Wall>,
     /// Whether a wall can carry grains: it oscillates, and does not reflect all of them elastically or
     /// thermally.
@@ -22,9 +24,15 @@ pub(crate) struct Surroundings {
 
 impl Surroundings {
     pub fn of(system: &System) -> Self {
+        let deformation = Deformation::of(system);
+        let mut periodicity = Periodicity::of(&system.domain);
+        if deformation.is_some_and(|images| images.stretches()) {
+            // Nothing is certain before the first search is made.
+            periodicity.certain = DVec3::ZERO;
+        }
         Self {
-            periodicity: Periodicity::of(&system.domain),
-            shear: SlidingImages::of(system),
+            periodicity,
+            deformation,
             walls: system.walls.clone(),
             carries: can_carry(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),

@@ -101,7 +101,10 @@ impl World {
             class.inverse_mass != 0.0
                 && (class.radius, class.mass) == (world.classes[0].radius, world.classes[0].mass)
         };
-        if !world.flies_straight() || world.boundary.shear.is_some() {
+        if let Some(images) = &world.boundary.deformation {
+            world.force.rates = images.rates;
+        }
+        if !world.flies_straight() || world.boundary.deformation.is_some() {
             world.flights = Summed::of(system);
         }
         world.laws.corrects_penetration = !world.flies_straight() || !world.classes.iter().all(alike);
@@ -112,9 +115,10 @@ impl World {
                 if weight != DVec3::ZERO {
                     world.force.change(weight, 0.0);
                 }
-                if let Some(shear) = &world.boundary.shear {
-                    let momentum = class.mass * world.particles[i as usize].velocity;
-                    world.force.change(shear.force(momentum), 0.0);
+                if let Some(images) = &world.boundary.deformation {
+                    let particle = &world.particles[i as usize];
+                    let velocity = particle.velocity - images.velocity(particle.position, 0.0);
+                    world.force.change(images.force(class.mass * velocity, 0.0), 0.0);
                 }
                 world.movable += 1;
             }

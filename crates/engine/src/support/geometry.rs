@@ -68,7 +68,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
     let (movable, fixed) = (radii(true), radii(false));
     let radius = classes.clone().map(|class| class.radius);
     let uniform = radius.clone().all(|radius| radius == movable);
-    let mut size = system.domain.size;
+    let mut size = world.periodicity(world.now).size;
     for axis in 0..3 {
         if axes[axis] == Axis::Open {
             // An open axis has no size; the present extent of the particles is used.
@@ -85,7 +85,7 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
         radius: movable,
         radii: if uniform { Vec::new() } else { radius.collect() },
         planes: planes(system),
-        sliding: world.sliding_images(),
+        deforming: world.moving_images(),
     }
 }
 

@@ -96,7 +96,7 @@ struct OverlapSearch<'a> {
 
 impl<'a> OverlapSearch<'a> {
     fn new(world: &'a World) -> Self {
-        let Periodicity { size, is_periodic, .. } = world.boundary.periodicity;
+        let Periodicity { size, is_periodic, .. } = world.periodicity(world.now);
         let edges = [0, 1, 2].map(|k| if is_periodic[k] { size[k] as f32 } else { f32::INFINITY });
         let longest = edges.into_iter().filter(|edge| edge.is_finite()).fold(0.0, f32::max);
         Self { world, edges: Vec3::from(edges).extend(f32::INFINITY), longest, found: Found::NONE }
@@ -192,7 +192,7 @@ fn deepest_by_slabs(world: &World, geometry: &Geometry, slabs: &Slabs) -> Found 
     if !world.boundary.walls.is_empty() {
         found = search_blocks(world, count, |search, i| search.test_walls(i as u32));
     }
-    if let Some(shear) = &world.boundary.shear {
+    if let Some(shear) = world.shear() {
         found = found.or(across_sheared_faces(world, shear, geometry.reach));
     }
     for slab in 0..slabs.len() {

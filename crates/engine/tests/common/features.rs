@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Dimension, Drive, DriveKind, KickTimes, NeighborChoice, Options, Oscillating, Shear, Spin,
-    System, ThermalWall, Wall, WallLaw, WallMotion, searches,
+    Boundary, Compression, Dimension, Drive, DriveKind, KickTimes, NeighborChoice, Options, Oscillating,
+    Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, searches,
 };
 use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 
@@ -137,6 +137,18 @@ pub fn features() -> Vec<(&'static str, System)> {
             "shear",
             with(plain(), |scene| {
                 scene.domain.shear = Some(Shear { flow: 0, gradient: 1, rate: 0.1, offset: 0.0 });
+            }),
+        ),
+        (
+            "compression",
+            with(plain(), |scene| {
+                scene.domain.compression = Some(Compression { rates: DVec3::splat(0.01) });
+            }),
+        ),
+        (
+            "elongation",
+            with(plain(), |scene| {
+                scene.domain.compression = Some(Compression { rates: DVec3::new(-0.02, 0.01, 0.01) });
             }),
         ),
         (

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes, Measure,
-    Oscillating, Partition, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
+    Boundary, Compression, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes,
+    Measure, Oscillating, Partition, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
 };
 use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
 use proptest::prelude::*;
@@ -51,6 +51,8 @@ pub struct Recipe {
     pub rough: usize,
     /// Simple shear: none, moderate, fast or slow. All axes are then periodic, and no body is fixed.
     pub shear: usize,
+    /// Edges along periodic axes change: not at all, moderately, fast or slowly. There is no gravity then.
+    pub compression: usize,
     /// One body that is larger than all others, by up to a third of the box.
     pub huge: bool,
     /// A wall of the boundary oscillates along its axis, so that corners move.
@@ -89,6 +91,7 @@ pub const PLAIN: Recipe = Recipe {
     partition: false,
     rough: 0,
     shear: 0,
+    compression: 0,
     huge: false,
     corner: false,
     top: false,
@@ -118,35 +121,40 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             let shear = [1, 2, 3].get((seed >> 40) as usize % 12).copied().unwrap_or(0);
             let sheared = shear > 0;
             let one_in = |n: u64, bits: u32| (seed >> bits).is_multiple_of(n);
+            let chosen = [1, 2, 3].get((seed >> 52) as usize % 24).copied().unwrap_or(0);
+            let compression = if sheared { 0 } else { chosen };
+            let deforms = sheared || compression > 0;
+            let all_periodic = sheared || compression > 0 && rough > 0;
             Recipe {
                 flat,
-                boundary: if sheared { [0; 3] } else { boundary },
+                boundary: if all_periodic { [0; 3] } else { boundary },
                 particles,
                 species,
                 restitution,
-                gravity,
-                ramp,
-                fixed: fixed && !sheared,
+                gravity: gravity && compression == 0,
+                ramp: if compression > 0 { 0 } else { ramp },
+                fixed: fixed && !deforms,
                 tc,
                 fast,
                 speeds,
                 ratios,
-                rest: rest && !sheared,
+                rest: rest && !deforms,
                 far,
                 light,
-                wedge,
+                wedge: wedge && compression == 0,
                 long,
                 drive,
-                thermal,
+                thermal: thermal && compression == 0,
                 measure,
-                partition,
+                partition: partition && compression == 0,
                 rough,
                 shear,
-                huge: one_in(16, 4) && !sheared,
-                corner: one_in(8, 12) && !sheared,
-                top: one_in(16, 20) && gravity && !sheared,
+                compression,
+                huge: one_in(16, 4) && !deforms,
+                corner: one_in(8, 12) && !deforms,
+                top: one_in(16, 20) && gravity && !deforms,
                 at_kick: one_in(2, 28),
-                changed: one_in(4, 44),
+                changed: one_in(4, 44) && compression == 0,
                 seed,
             }
         },
@@ -397,6 +405,9 @@ impl Recipe {
                 body.velocity[flow] += rate * body.position[gradient];
             }
         }
+        if self.compression > 0 {
+            self.compress(&mut scene, &mut random);
+        }
         if self.measure {
             scene.measure = measure_all(&scene, &mut random);
             if self.at_kick
@@ -414,6 +425,27 @@ impl Recipe {
             }
         }
         scene
+    }
+
+    /// Changes edges along periodic axes: all alike, or each by its own rate.
+    fn compress(&self, scene: &mut System, random: &mut Random) {
+        let size = [random.uniform(0.01, 0.2), 10_f64.powf(random.uniform(0.0, 2.0)), 1e-4];
+        let size = size[self.compression - 1];
+        let alike = random.index(2) == 0;
+        let mut rates = DVec3::ZERO;
+        for axis in 0..scene.dimension.count() {
+            let rate = if alike { size } else { size * random.uniform(-1.0, 1.0) };
+            if scene.domain.boundary[axis] == Boundary::Periodic {
+                rates[axis] = rate;
+            }
+        }
+        if rates == DVec3::ZERO {
+            return;
+        }
+        scene.domain.compression = Some(Compression { rates });
+        for body in &mut scene.bodies {
+            body.velocity -= rates * body.position;
+        }
     }
 
     /// Adds a fixed body below the first grain, which starts at rest: without other grains it falls on the

@@ -126,6 +126,8 @@ pub fn sample(k: u64) -> Sample {
         species_rotational_temperature: vec![x(27), x(28)],
         sonine_a2: x(10),
         pressure: None,
+        box_volume: x(19),
+        packing_fraction: x(20),
         stress: Some(StressTensor { kinetic: [x(15); 9], collisional: [x(16); 9] }),
         wall_force: vec![vector(k, 23), vector(k, 24)],
         wall_heat_flow: vec![x(17), x(18)],

@@ -1,18 +1,19 @@
 //! The box, its faces and gravity.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Domain, Shear, Wall, WallMotion, bounds, significant};
+use haff_engine::{Boundary, Compression, Dimension, Domain, Shear, Wall, WallMotion, bounds, significant};
 
 use super::Assembler;
+use super::compression::motion_of_upper_wall;
 use super::particles::{Rows, SpeciesPlan};
 use super::values::{LARGEST, SMALLEST, at, item, positive};
 use crate::config::{BoundaryConfig, DomainConfig, PackingConfig, PositionsConfig};
 use crate::model::state::State;
 
 /// π/(3√2): no packing of equal spheres is denser.
-const DENSEST_3D: f64 = 0.740_480_489_693_061;
+pub(super) const DENSEST_3D: f64 = 0.740_480_489_693_061;
 /// π/(2√3): no packing of equal disks is denser.
-const DENSEST_2D: f64 = 0.906_899_682_117_109;
+pub(super) const DENSEST_2D: f64 = 0.906_899_682_117_109;
 /// Random packings beyond these fail or take very long: random close packing is at 0.64 (2D: 0.84).
 const RANDOM_3D: f64 = 0.58;
 const RANDOM_2D: f64 = 0.78;
@@ -24,7 +25,7 @@ pub(super) const TOLERANCE: f64 = 1e-12;
 pub(super) struct DomainPlan {
     pub(super) size: Option<DVec3>,
     pub(super) boundary: [Boundary; 3],
-    gravity: DVec3,
+    pub(super) gravity: DVec3,
 }
 
 impl DomainPlan {
@@ -35,12 +36,18 @@ impl DomainPlan {
     }
 
     /// The domain, with a placeholder for z in two dimensions.
-    pub(super) fn finish(&self, dimension: Dimension, rows: &Rows, shear: Option<Shear>) -> Domain {
+    pub(super) fn finish(
+        &self,
+        dimension: Dimension,
+        rows: &Rows,
+        shear: Option<Shear>,
+        compression: Option<Compression>,
+    ) -> Domain {
         let mut size = self.size.unwrap_or(DVec3::ONE);
         if dimension == Dimension::Two {
             size.z = 2.0 * rows.largest_radius();
         }
-        Domain { size, boundary: self.boundary, gravity: self.gravity, shear, compression: None }
+        Domain { size, boundary: self.boundary, gravity: self.gravity, shear, compression }
     }
 
     /// All walls: those of the domain, then `extra`.
@@ -51,14 +58,10 @@ impl DomainPlan {
         for (axis, pair) in axes.zip(names.chunks(2)) {
             let normal = DVec3::AXES[axis];
             let upper = normal * domain.size[axis];
-            for (name, point, normal) in [(&pair[0], DVec3::ZERO, normal), (&pair[1], upper, -normal)] {
-                walls.push(Wall {
-                    name: name.clone(),
-                    point,
-                    normal,
-                    motion: WallMotion::Fixed,
-                    shape: None,
-                });
+            let motions = [WallMotion::Fixed, motion_of_upper_wall(domain, axis)];
+            let places = [(&pair[0], DVec3::ZERO, normal), (&pair[1], upper, -normal)];
+            for ((name, point, normal), motion) in places.into_iter().zip(motions) {
+                walls.push(Wall { name: name.clone(), point, normal, motion, shape: None });
             }
         }
         walls.extend(extra);
@@ -74,11 +77,22 @@ pub(super) fn more_room(by_fraction: bool) -> &'static str {
 impl Assembler<'_> {
     pub(super) fn domain_plan(&mut self, species: bool, explicit: bool) -> DomainPlan {
         let d = self.dimension.count();
-        let config = self.config.domain.get_or_insert_with(DomainConfig::default).clone();
+        let mut config = self.config.domain.get_or_insert_with(DomainConfig::default).clone();
         let from_file = matches!(
             self.config.initial.as_ref().and_then(|initial| initial.positions.as_ref()),
             Some(PositionsConfig::File(_))
         );
+        let grown = match self.config.initial.as_ref().and_then(|initial| initial.positions.as_ref()) {
+            Some(PositionsConfig::Grown(grown)) => grown.packing,
+            _ => None,
+        };
+        // The packing makes its box.
+        if let (Some(packing), None, None) = (grown, &config.size, config.packing_fraction) {
+            config.packing_fraction = Some(packing);
+            if let Some(domain) = &mut self.config.domain {
+                domain.packing_fraction = Some(packing);
+            }
+        }
         let size_path = at(["domain", "size"]);
         let has_size = config.size.is_some() || config.packing_fraction.is_some() || (species && from_file);
         let size = config.size.as_ref().and_then(|given| {
@@ -289,7 +303,10 @@ impl Assembler<'_> {
             let (lattice, reached) = if d == 3 { ("fcc", 0.74) } else { ("hexagonal", 0.907) };
             let more_room = more_room(by_fraction);
             let remedy = if random && fraction < reached {
-                format!("{more_room}, or take initial.positions = \"{lattice}\"")
+                let fraction = significant(fraction, 6);
+                format!(
+                    "{more_room}, or take initial.positions = {{ packing = {fraction} }} or \"{lattice}\""
+                )
             } else {
                 more_room.to_owned()
             };

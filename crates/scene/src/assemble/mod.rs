@@ -15,10 +15,13 @@ from where they are.
 *Begin with* [`domain`].
 */
 
+mod compression;
 mod contact;
 mod domain;
 mod drive;
+mod flow;
 mod going_on;
+mod growth;
 mod joints;
 mod measure;
 mod motion;
@@ -35,7 +38,7 @@ mod surface;
 mod values;
 
 use glam::DVec3;
-use haff_engine::{Dimension, NeighborChoice, Options, SimdChoice, System, bounds};
+use haff_engine::{Compression, Dimension, NeighborChoice, Options, SimdChoice, System, bounds};
 
 use crate::config::document::Document;
 use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
@@ -210,9 +213,11 @@ impl Assembler<'_> {
         let shear = self.shear_plan(&domain, self.config.wall.as_ref().map_or(0, Vec::len));
         self.check_sheared_masses(shear.as_ref(), &species, &explicit);
         let contacts = self.contacts(&names, &wall_names);
+        let rates = self.compression_plan(&domain, extra_walls.len(), &species, &explicit);
+        let growth = self.growth_plan(&domain, extra_walls.len(), &species, &explicit);
         let spin = self.spin_plan(&names, &wall_names);
         let motions = self.wall_motions();
-        let drives = self.drives(&names);
+        let mut drives = self.drives(&names);
         let initial = self.initial(species.len());
         self.run_shape();
         self.output_shape();
@@ -226,13 +231,20 @@ impl Assembler<'_> {
         let state = self.read_state(&initial, &species, &mut rows)?;
         self.fix_size(&mut domain, &species, &rows, state.as_ref());
         self.gate()?;
-        let mut system_domain = domain.finish(self.dimension, &rows, shear);
+        if let Some(growth) = &growth {
+            self.check_growth(growth, &rows);
+        }
+        let rates = growth.as_ref().map_or(rates, |growth| Some(growth.rates(self.dimension, &rows)));
+        drives.extend(growth.as_ref().and_then(|growth| growth.rescaling(names.all.len(), &rows)));
+        let compression = rates.map(|rates| Compression { rates });
+        let mut system_domain = domain.finish(self.dimension, &rows, shear, compression);
         self.fix_shear(&mut system_domain, &rows, &initial, state.as_ref());
         let mut walls = domain.walls(&system_domain, extra_walls);
         self.displace(&mut walls, &wall_names, &system_domain, &rows);
         self.set_motions(&mut walls, &wall_names, &motions, &rows);
         self.check_partitions(&walls, &system_domain, &rows);
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
+        self.check_compressed_edges(&system_domain, &rows);
         self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
         self.gate()?;
         // Scenes with joints have few bodies, and their joints are checked at the start.
@@ -244,7 +256,7 @@ impl Assembler<'_> {
             self.gate()?;
         }
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());
-        shear::add_flow(&system_domain, &species, &mut rows, &initial, state.as_ref());
+        flow::add(&system_domain, &species, &mut rows, &initial, state.as_ref());
 
         let spin = spin.map(|plan| self.spin(plan, &species, &rows, state.as_ref()));
         let mut system = System {
@@ -271,7 +283,12 @@ impl Assembler<'_> {
         self.gate()?;
         let rate = plan::collision_rate(&system);
         let rate_unknown = plan::rate_unknown(&system, rate, system.bodies.len() - first, &joints);
-        let run = self.run_plan(&system);
+        let box_limit = compression::box_limit(&system, first);
+        let mut run = self.run_plan(&system);
+        if let Some(growth) = &growth {
+            self.end_growth(growth, &system, box_limit.as_ref(), &mut run);
+        }
+        self.check_compression(&system, box_limit.as_ref(), rate, &mut run);
         self.gate()?;
         let output = self.output_plan(&system, &run, rate);
         self.gate()?;
@@ -288,6 +305,7 @@ impl Assembler<'_> {
             joints,
             options,
             run,
+            box_limit,
             output,
             resolved: self.resolved()?,
         })

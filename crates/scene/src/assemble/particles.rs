@@ -210,6 +210,15 @@ impl Assembler<'_> {
                     self.document.report_missing(&path, "must name a file: { file = \"state.h5\" }");
                 }
                 storable(&mut self.document, &path, file.file.as_deref().unwrap_or_default());
+                if file.packing.is_some() {
+                    self.document.report(&path, "is either a packing or a file: give one of the two");
+                }
+            }
+            PositionsConfig::Grown(grown) => {
+                initial.temperature.get_or_insert(1.0);
+                if !grown.packing.is_some_and(|fraction| fraction > 0.0 && fraction < 1.0) {
+                    self.document.refuse(&path, "must have a packing in (0, 1)");
+                }
             }
             PositionsConfig::Packing(packing) => {
                 initial.temperature.get_or_insert(1.0);

@@ -15,7 +15,12 @@ use crate::config::{PackingConfig, PositionsConfig};
 use crate::model::state::State;
 use crate::placement::grid::{Periods, overlaps};
 use crate::placement::import;
-use crate::placement::packing::{Room, lattice::lattice, loose};
+use crate::placement::packing::{
+    Room,
+    growth::{self, packing_fraction},
+    lattice::lattice,
+    loose,
+};
 use crate::placement::random::{Purpose, Stream};
 use crate::placement::velocity::{Bath, equilibrate, maxwell};
 
@@ -228,6 +233,10 @@ impl Assembler<'_> {
         initial: &Initial,
     ) {
         let count = rows.species;
+        if let Some(PositionsConfig::Grown(grown)) = &initial.positions {
+            self.grow_species(domain, walls, rows, grown.packing.unwrap_or_default());
+            return;
+        }
         let Some(PositionsConfig::Packing(packing)) = initial.positions else { return };
         let obstacles: Vec<(DVec3, f64)> =
             (count..rows.bodies.len()).map(|row| (rows.bodies[row].position, rows.radius(row))).collect();
@@ -244,23 +253,13 @@ impl Assembler<'_> {
         let path = at(["initial", "positions"]);
         let more_room = more_room(self.document.get_is_some(&at(["domain", "packing_fraction"])));
         let sites = if packing == PackingConfig::Random {
-            let names: Vec<String> =
-                self.config.species.iter().flatten().filter_map(|s| s.name.clone()).collect();
-            let mut first = vec![0; names.len()];
-            for (row, body) in rows.bodies[..count].iter().enumerate().rev() {
-                first[body.species as usize] = row;
-            }
-            let seed = self.seed;
-            let stream = |row: usize| {
-                let species = rows.bodies[row].species as usize;
-                Stream::new(seed, Purpose::Insertion, &names[species], row - first[species])
-            };
-            match loose::random(&room, &radius, stream) {
+            match loose::random(&room, &radius, self.insertion(rows)) {
                 Ok(sites) => sites,
                 Err(overlap) => {
                     let text = format!(
                         "no random packing without overlap was found for {count} particles (deepest left: {overlap:.1e}); \
-                         {more_room} or take \"lattice\""
+                         {more_room}, or take {{ packing = {:.3} }}, which grows, or \"lattice\"",
+                        packing_fraction(self.dimension, domain.size, &radius)
                     );
                     self.document.report(&path, text);
                     return;
@@ -281,6 +280,69 @@ impl Assembler<'_> {
         };
         for (body, site) in rows.bodies.iter_mut().zip(sites) {
             body.position = site;
+        }
+    }
+
+    /// The random numbers that place each particle of the species.
+    fn insertion(&self, rows: &Rows) -> impl Fn(usize) -> Stream {
+        let names: Vec<String> =
+            self.config.species.iter().flatten().filter_map(|s| s.name.clone()).collect();
+        let species: Vec<u32> = rows.bodies[..rows.species].iter().map(|body| body.species).collect();
+        let mut first = vec![0; names.len()];
+        for (row, &species) in species.iter().enumerate().rev() {
+            first[species as usize] = row;
+        }
+        let seed = self.seed;
+        move |row: usize| {
+            let species = species[row] as usize;
+            Stream::new(seed, Purpose::Insertion, &names[species], row - first[species])
+        }
+    }
+
+    /// Places the species in a dense random packing.
+    fn grow_species(&mut self, domain: &Domain, walls: &[Wall], rows: &mut Rows, wanted: f64) {
+        /// Relative difference of packing fractions that rounding explains.
+        const ROUNDING: f64 = 1e-9;
+        let path = at(["initial", "positions"]);
+        let axes = self.dimension.count();
+        let of_domain = 2 * domain.boundary.iter().filter(|&&kind| kind == Boundary::Wall).count();
+        let placed = |(index, wall): (usize, &Wall)| index >= of_domain || is_displaced(wall, domain);
+        if domain.boundary[..axes].contains(&Boundary::Open) {
+            self.document.report(&path, "needs a box without open axes: a packing grows in a closed box");
+            return;
+        }
+        if walls.iter().enumerate().any(placed) || rows.bodies.len() > rows.species {
+            let why = "needs a box of its own: it does not work with [[wall]] and [[particle]]";
+            self.document.report(&path, why);
+            return;
+        }
+        let radius: Vec<f64> = (0..rows.species).map(|row| rows.radius(row)).collect();
+        let given = packing_fraction(self.dimension, domain.size, &radius);
+        if (given / wanted - 1.0).abs() > ROUNDING {
+            let what = format!(
+                "packing = {wanted} contradicts the box, in which the packing fraction is {}: leave                  domain.size and domain.packing_fraction out",
+                significant(given, 6)
+            );
+            self.document.report(&path, what);
+            return;
+        }
+        let states = self.states;
+        let progress = |part: f64| states.progress("growing", part);
+        let grown =
+            growth::dense(domain, self.dimension, &radius, self.seed, self.insertion(rows), &progress);
+        match grown {
+            Ok(sites) => {
+                for (body, site) in rows.bodies.iter_mut().zip(sites) {
+                    body.position = site;
+                }
+            }
+            Err(jammed) => {
+                let what = format!(
+                    "packing = {wanted} has not been reached: these sizes have jammed at a packing fraction of {}",
+                    significant(jammed.packing_fraction, 5)
+                );
+                self.document.report(&path, what);
+            }
         }
     }
 

@@ -1,18 +1,19 @@
 //! Length of the run, and its output.
 
-use haff_engine::{Body, Boundary, Dimension, EventColumn, System, thermal_velocities};
+use haff_engine::{Body, Boundary, Dimension, EventColumn, System};
 use haff_linkage::Joints;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
 use super::Assembler;
+use super::flow;
 use super::particles::volume;
 use super::values::{SMALLEST, at, positive, storable};
 use crate::config::{
     CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
     ScheduleConfig, WallTimeConfig,
 };
-use crate::model::scene::{OutputPlan, RunPlan, Schedule};
+use crate::model::scene::{OutputPlan, RunPlan, Schedule, UntilOf};
 
 /// Largest number of records: more are taken for a mistake, since they would fill a disk.
 pub(super) const MAX_RECORDS: f64 = 1e8;
@@ -39,7 +40,14 @@ impl Assembler<'_> {
                 self.document.report(&per_particle, "contradicts run.collisions: give one of the two");
             }
         }
-        if run.until.is_none() && run.collisions.is_none() && run.collisions_per_particle.is_none() {
+        let grows_until = self.config.growth.as_ref().is_some_and(|growth| {
+            growth.until_packing_fraction.is_some() || growth.until_reduced_pressure.is_some()
+        });
+        if run.until.is_none()
+            && run.collisions.is_none()
+            && run.collisions_per_particle.is_none()
+            && !grows_until
+        {
             let lost = ["until", "collisions", "collisions_per_particle"];
             if !lost.iter().any(|key| self.document.was_reported(&at(["run", key]))) {
                 self.document.report_missing(
@@ -141,15 +149,20 @@ impl Assembler<'_> {
             self.document.report(&at(["run", key]), "one particle alone never collides: give run.until");
         }
         let wall_time = run.wall_time.and_then(|time| time.duration());
-        RunPlan { until: run.until, collisions, wall_time }
+        RunPlan { until: run.until, until_of: UntilOf::Run, collisions, wall_time, growth: None }
     }
 
     pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {
         let n = system.bodies.len() as f64;
         let is_rough = system.spin.is_some();
-        let steady = system.contacts.are_elastic() && !is_rough && system.drives.is_empty() && rate > 0.0;
+        let steady = system.contacts.are_elastic()
+            && !is_rough
+            && system.drives.is_empty()
+            && system.domain.compression.is_none()
+            && rate > 0.0;
         // The run's length in simulated time, where it can be predicted.
-        let length = run.until.or_else(|| {
+        let by_collisions = run.until_of == UntilOf::Box && run.collisions.is_some();
+        let length = run.until.filter(|_| !by_collisions).or_else(|| {
             let collisions = run.collisions.filter(|_| steady)?;
             Some(2.0 * collisions as f64 / (n * rate)).filter(|length| (1e-50..=1e50).contains(length))
         });
@@ -321,7 +334,7 @@ pub(super) fn collision_rate(system: &System) -> f64 {
     // Per group: particles, Σ R, Σ |v|².
     let mut sums = vec![[0.0_f64; 3]; groups];
     let mut moments = [0.0_f64; 2];
-    for (body, velocity) in system.bodies.iter().zip(thermal_velocities(system)) {
+    for (body, velocity) in system.bodies.iter().zip(flow::thermal(system)) {
         let class = &system.classes[body.class as usize];
         let sigma = 2.0 * class.radius;
         let sum = &mut sums[class.group as usize];

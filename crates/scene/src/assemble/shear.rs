@@ -6,8 +6,8 @@ use haff_engine::{Boundary, Domain, Options, Shear, Simulation, System, bounds};
 use super::{
     Assembler,
     domain::{DomainPlan, TOLERANCE},
-    particles::{Initial, MassLaw, ParticlePlan, Rows, SpeciesPlan},
-    values::{at, item},
+    particles::{Initial, ParticlePlan, Rows, SpeciesPlan},
+    values::at,
 };
 use crate::{config::PositionsConfig, model::state::State};
 
@@ -18,45 +18,6 @@ pub(super) fn beside_displaced_images(domain: &Domain, mut position: DVec3) -> D
         position[shear.flow] -= up * shear.offset;
     }
     position
-}
-
-/// The change of velocity of a particle that only the `precision` of its file has put beyond a face of the
-/// gradient. Other positions outside the box are images of particles whose velocities are those in the box.
-fn change_at_rounded_face(domain: &Domain, position: DVec3, precision: f64) -> DVec3 {
-    let Some(shear) = domain.shear.filter(|_| precision > 0.0) else { return DVec3::ZERO };
-    let (y, edge) = (position[shear.gradient], domain.size[shear.gradient]);
-    let rounding = 2.0 * precision * edge;
-    let across = if (edge..=edge + rounding).contains(&y) {
-        -1.0
-    } else if (-rounding..0.0).contains(&y) {
-        1.0
-    } else {
-        0.0
-    };
-    DVec3::AXES[shear.flow] * (across * shear.rate * edge)
-}
-
-/// Adds the flow to the velocities that the scene has drawn: those of species with a temperature.
-pub(super) fn add_flow(
-    domain: &Domain,
-    species: &[SpeciesPlan],
-    rows: &mut Rows,
-    initial: &Initial,
-    state: Option<&State>,
-) {
-    let Some(shear) = domain.shear else { return };
-    let mut row = 0;
-    for plan in species {
-        let drawn = plan.temperature.or(initial.temperature).is_some();
-        for (k, body) in rows.bodies[row..row + plan.count].iter_mut().enumerate() {
-            if drawn {
-                body.velocity += DVec3::AXES[shear.flow] * (shear.rate * body.position[shear.gradient]);
-            } else if let Some(state) = state {
-                body.velocity += change_at_rounded_face(domain, state.position[row + k], state.precision);
-            }
-        }
-        row += plan.count;
-    }
 }
 
 impl Assembler<'_> {
@@ -127,14 +88,7 @@ impl Assembler<'_> {
         if shear.is_none() {
             return;
         }
-        let why = "must be finite in a sheared box (domain.shear)";
-        let infinite = |mass: MassLaw| matches!(mass, MassLaw::Mass(mass) if mass == f64::INFINITY);
-        for (k, _) in species.iter().enumerate().filter(|(_, plan)| infinite(plan.mass)) {
-            self.document.refuse(&item("species", k, "mass"), why);
-        }
-        for (k, _) in explicit.iter().enumerate().filter(|(_, plan)| infinite(plan.mass)) {
-            self.document.refuse(&item("particle", k, "mass"), why);
-        }
+        self.check_finite_masses("must be finite in a sheared box (domain.shear)", species, explicit);
     }
 
     /// Takes the displacement of the images from the file that the run starts from, and checks the box.

@@ -5,6 +5,7 @@
 //! module `assemble`, which collects and locates all errors; serde only checks types.
 
 mod contact;
+mod deforming;
 mod measure;
 mod output;
 mod particles;
@@ -22,6 +23,7 @@ use crate::config::{
 };
 
 pub use contact::*;
+pub use deforming::*;
 pub use measure::*;
 pub use output::*;
 pub use particles::*;
@@ -64,6 +66,8 @@ pub struct SceneConfig {
     pub wall: Option<Vec<WallConfig>>,
     /// What gives energy to the particles, or takes it, at stated times.
     pub drive: Option<Vec<DriveConfig>>,
+    /// Growth of all particles, to dense packings.
+    pub growth: Option<GrowthConfig>,
     /// Measurements while the run goes on.
     pub measure: Option<MeasureConfig>,
     /// Particles that hang on strings or rods from fixed points.
@@ -94,6 +98,10 @@ pub struct DomainConfig {
     /// Simple shear of a box that is periodic along all axes (Lees–Edwards): the mean velocity along `flow`
     /// is `rate` times the coordinate along `gradient`.
     pub shear: Option<ShearConfig>,
+    /// Compression or expansion of the box along axes that are not open. Along periodic axes the images move
+    /// with the edges, and the mean velocity is −γ times the coordinate; along axes with walls the upper wall
+    /// moves.
+    pub compression: Option<BoxCompressionConfig>,
 }
 
 /// Simple shear.

@@ -9,9 +9,9 @@ use serde::de::{
 };
 
 use super::keys::{
-    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, LogConfig, OutputFileConfig, PackingConfig,
-    PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig, RestitutionModelConfig,
-    ScheduleConfig, SizeTableConfig, SizesConfig, WallTimeConfig,
+    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, GrownConfig, LogConfig, OutputFileConfig,
+    PackingConfig, PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig,
+    RestitutionModelConfig, ScheduleConfig, SizeTableConfig, SizesConfig, WallTimeConfig,
 };
 use crate::source::read::keys_of;
 
@@ -67,12 +67,22 @@ by_shape!(
     table SizeTableConfig::Values, of SizesConfig
 );
 by_shape!(
-    PositionsConfig, "\"lattice\", \"fcc\", \"hexagonal\", \"random\" or { file = \"…\" }",
+    PositionsConfig, "\"lattice\", \"fcc\", \"hexagonal\", \"random\", { packing = … } or { file = \"…\" }",
     text |text: &str| {
         PackingConfig::deserialize(de::value::StrDeserializer::<E>::new(text)).map(PositionsConfig::Packing)
     },
-    table PositionsConfig::File, of FileConfig
+    table positions_table, of FileConfig
 );
+/// Positions as a table: of a file, or of a packing.
+fn positions_table(config: FileConfig) -> PositionsConfig {
+    match config {
+        FileConfig { file: None, index: None, scale_to: None, packing: packing @ Some(_) } => {
+            PositionsConfig::Grown(GrownConfig { packing })
+        }
+        _ => PositionsConfig::File(config),
+    }
+}
+
 by_shape!(
     BinsConfig, "a number, or a list with one number for each axis",
     number BinsConfig::Each,

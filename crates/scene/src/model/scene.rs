@@ -1,9 +1,10 @@
 //! A validated scene.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use haff_engine::{EventColumn, Options, System};
+use haff_engine::{EventColumn, Options, System, significant};
 use haff_linkage::Joints;
 
 /// Times of records, beside the start and the end.
@@ -22,17 +23,85 @@ pub enum Schedule {
     },
 }
 
+/// What [`RunPlan::until`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UntilOf {
+    /// `run.until`.
+    Run,
+    /// The time at which the box has the packing fraction `growth.until_packing_fraction`.
+    PackingFraction,
+    /// The time at which a box that is compressed is too short or too full to go on.
+    Box,
+}
+
+/// The growth of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrowthRun {
+    /// Sphere–sphere collisions between two samples, at which the pressure is tested.
+    pub step: u64,
+    /// What ends the run.
+    pub end: Option<GrowthEnd>,
+}
+
+/// What ends a growth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum GrowthEnd {
+    /// A packing fraction, unless the particles jam before.
+    PackingFraction(f64),
+    /// The reduced pressure P V/(N T) of a sample: at least this.
+    ReducedPressure(f64),
+}
+
 /// Length of the run; the first bound that is reached ends it. At least one of `until` and `collisions` is
 /// given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunPlan {
-    /// Simulated time [time].
+    /// Simulated time [time]. In a box that is compressed at most the time at which it cannot go on.
     pub until: Option<f64>,
+    /// What that time is.
+    pub until_of: UntilOf,
     /// Sphere–sphere collisions. `collisions_per_particle = C` is N·C/2 of them, rounded up, since each
     /// involves two particles.
     pub collisions: Option<u64>,
     /// Time on the clock.
     pub wall_time: Option<Duration>,
+    /// The growth, if particles grow.
+    pub growth: Option<GrowthRun>,
+}
+
+/// The last time at which a box that is compressed can be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoxLimit {
+    /// When [time]; negative if the box is too small from the start.
+    pub time: f64,
+    /// Why not later.
+    pub why: BoxTooSmall,
+}
+
+/// Why a box cannot become smaller.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BoxTooSmall {
+    /// An edge is as short as this [length], along this axis.
+    Edge(usize, f64),
+    /// The particles fill as much of it.
+    PackingFraction(f64),
+    /// Its upper wall along this axis touches the particle of this row, which is fixed.
+    Body(usize, usize),
+}
+
+impl fmt::Display for BoxTooSmall {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = |axis: &usize| ["x", "y", "z"][*axis];
+        match self {
+            Self::Edge(axis, length) => {
+                write!(out, "the edge along {} is only {} long", name(axis), significant(*length, 6))
+            }
+            Self::PackingFraction(fraction) => {
+                write!(out, "the packing fraction is {}, the largest possible", significant(*fraction, 6))
+            }
+            Self::Body(axis, row) => write!(out, "wall \"{}+\" reaches the fixed particle {row}", name(axis)),
+        }
+    }
 }
 
 /// Output of the run.
@@ -74,6 +143,8 @@ pub struct Scene {
     pub options: Options,
     /// Length of the run.
     pub run: RunPlan,
+    /// The last time at which the box can be, if it is compressed.
+    pub box_limit: Option<BoxLimit>,
     /// Output of the run.
     pub output: OutputPlan,
     /// The scene with every default and override written out, as TOML text that parses to this scene again. A

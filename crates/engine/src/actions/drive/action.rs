@@ -75,7 +75,8 @@ impl TimedAction for NamedDrive {
         let mut changed = Vec::with_capacity(changes.len());
         for (k, &(i, velocity)) in changes.iter().enumerate() {
             if changes.get(k + 1).is_none_or(|&(other, _)| other != i) {
-                let flow = state.world.flow_velocity(state.world.state(i, state.world.now).0);
+                let flow =
+                    state.world.flow_velocity(state.world.state(i, state.world.now).0, state.world.now);
                 kick(state, i, flow + velocity, observer)?;
                 changed.push(i);
             }

@@ -11,6 +11,7 @@ use crate::{
 use super::{
     action::NamedDrive,
     andersen::Andersen,
+    hold::Hold,
     rescale::Rescale,
     times::{Poisson, Regular},
     white_noise::{IntervalNoise, Kicks, PoissonNoise},
@@ -25,6 +26,9 @@ pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
             DriveKind::Named(action) => Box::new(NamedDrive::new(index, action, driven, system.seed)),
             DriveKind::Rescale { temperature, interval } => {
                 Box::new(Rescale::new(Regular::new(index, interval), driven, temperature))
+            }
+            DriveKind::Hold { temperature, longest } => {
+                Box::new(Hold::new(index, driven, temperature, longest))
             }
             DriveKind::Andersen { temperature, rate } => {
                 Box::new(Andersen::new(poisson(rate), driven, temperature, system.seed))

@@ -44,7 +44,7 @@ impl TimedAction for Andersen {
         let (count, mass) = (state.world.particles[i as usize].count, state.world.class(i).mass);
         let spread = (self.temperature / mass).sqrt();
         let peculiar = spread * Draw::new(self.seed, i, u64::from(count)).normals(self.driven.dimension);
-        let flow = state.world.flow_velocity(state.world.state(i, state.world.now).0);
+        let flow = state.world.flow_velocity(state.world.state(i, state.world.now).0, state.world.now);
         kick(state, i, flow + peculiar, observer)?;
         Ok(vec![i])
     }

@@ -52,13 +52,13 @@ pub(super) fn kick(
     flights::end(state, i, now);
     state.world.particles[i as usize].set_anchor(position, velocity, now);
     let change = velocity - before;
-    let flow = state.world.flow_velocity(position);
+    let flow = state.world.flow_velocity(position, now);
     let (before, velocity) = (before - flow, velocity - flow);
     state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
     state.accumulators.add_impulse(change * mass);
     state.accumulators.center.change(change * mass, time);
-    if let Some(shear) = &state.world.boundary.shear {
-        state.world.force.change(shear.force(change * mass), time);
+    if let Some(images) = &state.world.boundary.deformation {
+        state.world.force.change(images.force(change * mass, time), time);
     }
     if observer.wants_events() {
         let changes = [VelocityChange { i, mass, before, after: velocity }];

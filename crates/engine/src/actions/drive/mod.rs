@@ -9,6 +9,7 @@ mod action;
 pub(crate) mod actions;
 mod andersen;
 pub(crate) mod driven;
+mod hold;
 mod rescale;
 mod times;
 mod white_noise;

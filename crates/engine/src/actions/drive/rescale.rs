@@ -40,28 +40,8 @@ impl TimedAction for Rescale {
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError> {
         self.times.advance();
-        let world = &state.world;
-        let particles = &self.driven.particles;
-        let velocity = |k: u32| world.peculiar(particles[k as usize], world.now).1;
-        let mass = |k: u32| world.class(particles[k as usize]).mass;
-        let [m, px, py, pz] = total(particles.len(), |k| {
-            let p = mass(k) * velocity(k);
-            [mass(k), p.x, p.y, p.z]
-        });
-        let drift = DVec3::new(px, py, pz) / m;
-        let [twice_thermal] = total(particles.len(), |k| [mass(k) * (velocity(k) - drift).length_squared()]);
-        let wanted = (self.driven.dimension * particles.len()) as f64 * self.temperature;
-        let factor = (wanted / twice_thermal).sqrt();
-        // Particles without relative motion have no velocity to scale.
-        if !(factor.is_finite() && twice_thermal > 0.0) {
-            return Ok(Vec::new());
-        }
-        for &i in particles {
-            let (position, velocity) = state.world.peculiar(i, state.world.now);
-            let flow = state.world.flow_velocity(position);
-            kick(state, i, flow + drift + (velocity - drift) * factor, observer)?;
-        }
-        Ok(particles.clone())
+        let factor = rescale(&self.driven, self.temperature, state, observer)?;
+        Ok(if factor.is_some() { self.driven.particles.clone() } else { Vec::new() })
     }
 
     fn save(&self, put: &mut dyn FnMut(&str, u64)) {
@@ -71,4 +51,36 @@ impl TimedAction for Rescale {
     fn load(&mut self, take: &mut dyn FnMut(&str) -> u64, time: f64) -> Result<(), EngineError> {
         self.times.load(take, time)
     }
+}
+
+/// Rescales the velocities of some particles, relative to their center of mass, so that they have a temperature.
+/// Returns the factor; `None`, with nothing changed, if they have no relative motion.
+pub(super) fn rescale(
+    driven: &Driven,
+    temperature: f64,
+    state: &mut State,
+    observer: &mut dyn Observer,
+) -> Result<Option<f64>, EngineError> {
+    let world = &state.world;
+    let particles = &driven.particles;
+    let velocity = |k: u32| world.peculiar(particles[k as usize], world.now).1;
+    let mass = |k: u32| world.class(particles[k as usize]).mass;
+    let [m, px, py, pz] = total(particles.len(), |k| {
+        let p = mass(k) * velocity(k);
+        [mass(k), p.x, p.y, p.z]
+    });
+    let drift = DVec3::new(px, py, pz) / m;
+    let [twice_thermal] = total(particles.len(), |k| [mass(k) * (velocity(k) - drift).length_squared()]);
+    let wanted = (driven.dimension * particles.len()) as f64 * temperature;
+    let factor = (wanted / twice_thermal).sqrt();
+    // Particles without relative motion have no velocity to scale.
+    if !(factor.is_finite() && twice_thermal > 0.0) {
+        return Ok(None);
+    }
+    for &i in particles {
+        let (position, velocity) = state.world.peculiar(i, state.world.now);
+        let flow = state.world.flow_velocity(position, state.world.now);
+        kick(state, i, flow + drift + (velocity - drift) * factor, observer)?;
+    }
+    Ok(Some(factor))
 }

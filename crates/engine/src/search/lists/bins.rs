@@ -10,7 +10,10 @@ use haff_neighbors::{Array, Elements, with_huge_pages};
 
 use crate::search::blocks::Grid;
 
-use super::sets::{LANES, position_in};
+use super::{
+    levels::Layout,
+    sets::{LANES, position_in},
+};
 
 /// No particle, and no block.
 const NONE: u32 = u32::MAX;
@@ -52,6 +55,8 @@ pub(super) struct Bins {
     searched: [usize; 3],
     /// Largest contact distances per coordinate.
     unit: [f32; 3],
+    /// The tilt with which distances are measured in a sheared box.
+    tilt: f32,
     /// The first block of every bin in the order of the bins, then the continuations of full blocks.
     blocks: Array<Slots>,
     /// For each block the next one of its chain, or [`NONE`].
@@ -66,7 +71,10 @@ impl Bins {
     /// Bins for the reference positions of `particles`, with a mean distance `spacing` of neighbors, and for
     /// searches up to `reach`. `edges` are those of the box, zero along an axis without motion. All lengths
     /// are in largest contact distances. If most bins would be empty, the box is folded onto fewer bins.
-    pub fn new(edges: [f64; 3], unit: [f32; 3], reach: f64, spacing: f64, particles: usize) -> Self {
+    pub fn new(layout: &Layout, reach: f64, spacing: f64, particles: usize) -> Self {
+        let &Layout { mut edges, unit, tilt, .. } = layout;
+        // Two positions at a distance of 1 are up to √(1 + k²) apart along the axis of the flow.
+        edges[0] /= (1.0 + tilt * tilt).sqrt();
         let axes = edges.iter().filter(|edge| **edge > 0.0).count();
         let width = (reach * MARGIN).max(libm::pow(PER_BIN, 1.0 / axes as f64) * spacing);
         let most = particles.max(FEW_BINS) as f64;
@@ -84,7 +92,17 @@ impl Bins {
         let mut blocks = with_huge_pages(count + count / 64);
         blocks.resize(count, EMPTY);
         let next = vec![NONE; count].into();
-        Self { n, fold, searched, unit, blocks: blocks.into(), next, spare: Vec::new(), is_alias: false }
+        Self {
+            n,
+            fold,
+            searched,
+            unit,
+            tilt: tilt as f32,
+            blocks: blocks.into(),
+            next,
+            spare: Vec::new(),
+            is_alias: false,
+        }
     }
 
     /// Allocates the spare blocks of this number of aliases.
@@ -197,7 +215,12 @@ impl Bins {
     ///
     /// With `VECTORS` set the caller must be compiled for AVX2 and FMA, and run where they exist.
     #[inline(always)]
-    pub fn near<const VECTORS: bool>(&self, x: [i32; 3], reach2: f32, found: &mut Vec<u32>) -> usize {
+    pub fn near<const VECTORS: bool, const TILTED: bool>(
+        &self,
+        x: [i32; 3],
+        reach2: f32,
+        found: &mut Vec<u32>,
+    ) -> usize {
         let mut cells = [[0_i64; 3]; 3];
         for axis in 0..3 {
             let (n, own) = (self.n[axis], self.cell(axis, x[axis]));
@@ -208,7 +231,7 @@ impl Bins {
         if found.len() < WORKING_SPACE {
             found.resize(WORKING_SPACE, 0);
         }
-        let range = Range { x, unit: self.unit, reach2 };
+        let range = Range { x, unit: self.unit, tilt: if TILTED { self.tilt } else { 0.0 }, reach2 };
         let mut continuations = [NONE; MAX_SEARCHED + 1];
         let (mut count, mut chains) = (0, 0);
         let (blocks, next) = (self.blocks.start(), self.next.start());
@@ -226,7 +249,7 @@ impl Bins {
                     // `continuations` for one chain of each.
                     unsafe {
                         let target = &mut *found.as_mut_ptr().add(count).cast::<[u32; LANES]>();
-                        count += range.select::<VECTORS>(&*blocks.add(at), target);
+                        count += range.select::<VECTORS, TILTED>(&*blocks.add(at), target);
                         // Counted without a branch, which the processor could not predict.
                         let next = *next.add(at);
                         *continuations.get_unchecked_mut(chains) = next;
@@ -242,7 +265,7 @@ impl Bins {
                     found.resize(2 * found.len(), 0);
                 }
                 if let Some(target) = found[count..].first_chunk_mut() {
-                    count += range.select::<VECTORS>(&self.blocks[at as usize], target);
+                    count += range.select::<VECTORS, TILTED>(&self.blocks[at as usize], target);
                 }
                 at = self.next[at as usize];
             }
@@ -256,13 +279,14 @@ impl Bins {
     pub fn add_near(&self, x: [i32; 3], reach: f32, found: &mut Vec<u32>) {
         let cells = [0, 1, 2].map(|axis| {
             let n = self.n[axis];
-            let width = length(self.unit[axis]) / (n << self.fold[axis]) as f32;
+            let stretch = if axis == 0 { (1.0 + self.tilt * self.tilt).sqrt() } else { 1.0 };
+            let width = length(self.unit[axis]) / (n << self.fold[axis]) as f32 / stretch;
             // Rounded up, and one more: the position is anywhere in its bin.
             let around = if n == 1 { 0 } else { (reach / width) as i64 + 1 };
             let own = self.cell(axis, x[axis]);
             if 2 * around + 1 >= n { (0, n) } else { (own - around + n, 2 * around + 1) }
         });
-        let range = Range { x, unit: self.unit, reach2: reach * reach };
+        let range = Range { x, unit: self.unit, tilt: self.tilt, reach2: reach * reach };
         let along = |axis: usize| {
             let ((first, count), n) = (cells[axis], self.n[axis]);
             (first..first + count).map(move |cell| cell % n)
@@ -273,7 +297,7 @@ impl Bins {
                 for cell in along(0) {
                     let mut at = ((z * self.n[1] + y) * self.n[0] + cell) as u32;
                     while at != NONE {
-                        let count = range.select::<false>(&self.blocks[at as usize], &mut near);
+                        let count = range.select::<false, true>(&self.blocks[at as usize], &mut near);
                         found.extend_from_slice(&near[..count]);
                         at = self.next[at as usize];
                     }
@@ -294,22 +318,27 @@ fn length(unit: f32) -> f32 {
 struct Range {
     x: [i32; 3],
     unit: [f32; 3],
+    tilt: f32,
     reach2: f32,
 }
 
 impl Range {
     /// Copies the ids of a block that are within range to `target`, and returns their number.
     #[inline(always)]
-    fn select<const VECTORS: bool>(&self, block: &Slots, target: &mut [u32; LANES]) -> usize {
+    fn select<const VECTORS: bool, const TILTED: bool>(
+        &self,
+        block: &Slots,
+        target: &mut [u32; LANES],
+    ) -> usize {
         #[cfg(target_arch = "x86_64")]
         if VECTORS {
             // SAFETY: with `VECTORS` set the caller guarantees AVX2 and FMA.
-            return unsafe { avx2::select(block, self, target) };
+            return unsafe { avx2::select::<TILTED>(block, self, target) };
         }
         let mut count = 0;
         for k in 0..LANES {
             let other = [0, 1, 2].map(|axis| block.x[axis][k]);
-            if block.id[k] != NONE && distance2(other, self.x, self.unit) < self.reach2 {
+            if block.id[k] != NONE && distance2::<TILTED>(other, self.x, self.unit, self.tilt) < self.reach2 {
                 target[count] = block.id[k];
                 count += 1;
             }
@@ -320,10 +349,16 @@ impl Range {
 
 /// Square of the distance of two positions [largest contact distances]; the same bits for both orders.
 #[inline(always)]
-fn distance2(a: [i32; 3], b: [i32; 3], unit: [f32; 3]) -> f32 {
-    let mut sum = 0.0;
+fn distance2<const TILTED: bool>(a: [i32; 3], b: [i32; 3], unit: [f32; 3], tilt: f32) -> f32 {
+    let mut d = [0.0; 3];
     for axis in 0..3 {
-        let d = a[axis].wrapping_sub(b[axis]) as f32 * unit[axis];
+        d[axis] = a[axis].wrapping_sub(b[axis]) as f32 * unit[axis];
+    }
+    if TILTED {
+        d[0] += tilt * d[1];
+    }
+    let mut sum = 0.0;
+    for d in d {
         sum += d * d;
     }
     sum
@@ -362,15 +397,23 @@ mod avx2 {
     /// branches.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    pub(super) fn select(block: &Slots, range: &Range, target: &mut [u32; LANES]) -> usize {
-        let square = |axis: usize| {
+    pub(super) fn select<const TILTED: bool>(
+        block: &Slots,
+        range: &Range,
+        target: &mut [u32; LANES],
+    ) -> usize {
+        let difference = |axis: usize| {
             // SAFETY: this loads eight words, and blocks are aligned to 64 bytes.
             let other = unsafe { _mm256_load_si256(block.x[axis].as_ptr().cast()) };
             let d = _mm256_cvtepi32_ps(_mm256_sub_epi32(other, _mm256_set1_epi32(range.x[axis])));
-            let d = _mm256_mul_ps(d, _mm256_set1_ps(range.unit[axis]));
-            _mm256_mul_ps(d, d)
+            _mm256_mul_ps(d, _mm256_set1_ps(range.unit[axis]))
         };
-        let d2 = _mm256_add_ps(_mm256_add_ps(square(0), square(1)), square(2));
+        let (mut x, y, z) = (difference(0), difference(1), difference(2));
+        if TILTED {
+            x = _mm256_add_ps(x, _mm256_mul_ps(_mm256_set1_ps(range.tilt), y));
+        }
+        let square = |d| _mm256_mul_ps(d, d);
+        let d2 = _mm256_add_ps(_mm256_add_ps(square(x), square(y)), square(z));
         // SAFETY: as above.
         let id = unsafe { _mm256_load_si256(block.id.as_ptr().cast()) };
         let empty = _mm256_castsi256_ps(_mm256_cmpeq_epi32(id, _mm256_set1_epi32(-1)));
@@ -396,12 +439,20 @@ mod tests {
     #[test]
     fn each_neighbor_is_found_once() {
         let mut random = Random(1);
-        for edges in
-            [[8.0, 8.0, 8.0], [4.1, 12.0, 6.5], [5.0, 9.0, 0.0], [30.0, 6.0, 5.0], [640.0, 5000.0, 320.0]]
-        {
+        for (edges, tilted) in [
+            ([8.0, 8.0, 8.0], 0.0),
+            ([8.0, 8.0, 8.0], 1.0),
+            ([4.1, 12.0, 6.5], 0.0),
+            ([5.0, 9.0, 0.0], -2.0),
+            ([30.0, 6.0, 5.0], 2.0),
+            ([640.0, 5000.0, 320.0], 0.0),
+        ] {
             let unit = edges.map(|edge| if edge > 0.0 { (edge / 2.0_f64.powi(32)) as f32 } else { 1.0 });
             let reach = 2.0_f32;
-            let mut bins = Bins::new(edges, unit, f64::from(reach), 1.0, 600);
+            let tilt = 0.3 * tilted;
+            let layout = Layout { edges, unit, tilt, skin: 0.0, spacing: 1.0 };
+            let mut bins = Bins::new(&layout, f64::from(reach), 1.0, 600);
+            let tilt = tilt as f32;
             let mut coordinate = |axis: usize| {
                 // Clusters between 10 and 20 wide.
                 let empty = (edges[axis] / 10.0).max(1.0).log2() as u32;
@@ -417,16 +468,18 @@ mod tests {
                 positions[i] = [0, 1, 2].map(&mut coordinate);
                 bins.insert::<false>(i as u32, positions[i]);
                 let x = positions[i];
-                let mut expected: Vec<u32> =
-                    (0..600).filter(|&j| distance2(positions[j as usize], x, unit) < reach * reach).collect();
+                let mut expected: Vec<u32> = (0..600)
+                    .filter(|&j| distance2::<true>(positions[j as usize], x, unit, tilt) < reach * reach)
+                    .collect();
                 expected.sort_unstable();
                 let mut found = Vec::new();
-                let count = bins.near::<false>(x, reach * reach, &mut found);
+                let count = bins.near::<false, true>(x, reach * reach, &mut found);
                 found.truncate(count);
                 found.sort_unstable();
                 assert_eq!(found, expected, "{edges:?}, {i}");
                 for reach in [0.5 * reach, 3.7 * reach] {
-                    let near = |&j: &u32| distance2(positions[j as usize], x, unit) < reach * reach;
+                    let near =
+                        |&j: &u32| distance2::<true>(positions[j as usize], x, unit, tilt) < reach * reach;
                     let expected: Vec<u32> = (0..600).filter(near).collect();
                     let mut found = Vec::new();
                     bins.add_near(x, reach, &mut found);
@@ -451,6 +504,6 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma")]
     fn near_avx2(bins: &Bins, x: [i32; 3], reach2: f32, found: &mut Vec<u32>) -> usize {
-        bins.near::<true>(x, reach2, found)
+        bins.near::<true, true>(x, reach2, found)
     }
 }

@@ -22,6 +22,7 @@ use crate::{model::features::Features, search::compact::CompactParticle};
 
 use super::{
     frame::FilterFrame,
+    moving::Motion,
     sets::{LANES, MASK_BITS},
 };
 
@@ -116,9 +117,23 @@ fn bound<F: Features>(
         let sigma = own.radius + other.radius;
         c = -(sigma * sigma);
     }
+    let mut rs = [0.0; 3];
+    let mut vs = [0.0; 3];
     for axis in 0..3 {
-        let v = other.v[axis] - own.v[axis];
-        let r = other.x[axis].wrapping_sub(own.x[axis]) as f32 * frame.unit[axis] + v * fraction;
+        vs[axis] = other.v[axis] - own.v[axis];
+        rs[axis] = other.x[axis].wrapping_sub(own.x[axis]) as f32 * frame.unit[axis];
+    }
+    if F::DEFORMS {
+        let Motion { tilt, shear, stretch, .. } = frame.motion;
+        rs[0] += tilt * rs[1];
+        vs[0] += tilt * vs[1] + shear * rs[1];
+        for axis in 0..3 {
+            vs[axis] += stretch[axis] * rs[axis];
+        }
+    }
+    for axis in 0..3 {
+        let v = vs[axis];
+        let r = rs[axis] + v * fraction;
         b += r * v;
         c += r * r;
         vv += v * v;
@@ -139,7 +154,7 @@ mod avx2 {
         _mm256_sqrt_ps, _mm256_store_ps, _mm256_sub_epi32, _mm256_sub_ps,
     };
 
-    use super::{Array, Bounds, Features, FilterFrame, LANE, LANES, MASK_BITS, NEVER};
+    use super::{Array, Bounds, Features, FilterFrame, LANE, LANES, MASK_BITS, Motion, NEVER};
     use crate::search::compact::{CompactParticle, avx2::load_halves};
 
     /// [`super::bounds`] for eight members at a time.
@@ -168,14 +183,34 @@ mod avx2 {
             // SAFETY: this code is compiled for AVX2. The eight `indices` are of a list, and a list contains
             // only indices of particles and of the sentinel, which are all in `particles`.
             let others = unsafe { load_halves(particles, indices) };
-            let u = _mm256_sub_ps(others.v[0], u);
-            let v = _mm256_sub_ps(others.v[1], v);
-            let w = _mm256_sub_ps(others.v[2], w);
-            let separation = |axis: usize, own, v| {
-                let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(others.x[axis], own));
-                _mm256_fmadd_ps(r, unit[axis], _mm256_mul_ps(v, fraction))
+            let mut u = _mm256_sub_ps(others.v[0], u);
+            let mut v = _mm256_sub_ps(others.v[1], v);
+            let mut w = _mm256_sub_ps(others.v[2], w);
+            let (x, y, z) = if F::DEFORMS {
+                let Motion { tilt, shear, stretch, .. } = frame.motion;
+                let begin = |axis: usize, own| {
+                    let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(others.x[axis], own));
+                    _mm256_mul_ps(r, unit[axis])
+                };
+                let (y, z) = (begin(1, y), begin(2, z));
+                let x = _mm256_fmadd_ps(_mm256_set1_ps(tilt), y, begin(0, x));
+                u = _mm256_fmadd_ps(_mm256_set1_ps(tilt), v, u);
+                u = _mm256_fmadd_ps(_mm256_set1_ps(shear), y, u);
+                u = _mm256_fmadd_ps(_mm256_set1_ps(stretch[0]), x, u);
+                v = _mm256_fmadd_ps(_mm256_set1_ps(stretch[1]), y, v);
+                w = _mm256_fmadd_ps(_mm256_set1_ps(stretch[2]), z, w);
+                (
+                    _mm256_fmadd_ps(u, fraction, x),
+                    _mm256_fmadd_ps(v, fraction, y),
+                    _mm256_fmadd_ps(w, fraction, z),
+                )
+            } else {
+                let separation = |axis: usize, own, v| {
+                    let r = _mm256_cvtepi32_ps(_mm256_sub_epi32(others.x[axis], own));
+                    _mm256_fmadd_ps(r, unit[axis], _mm256_mul_ps(v, fraction))
+                };
+                (separation(0, x, u), separation(1, y, v), separation(2, z, w))
             };
-            let (x, y, z) = (separation(0, x, u), separation(1, y, v), separation(2, z, w));
             let sigma2 = if F::UNIFORM {
                 uniform
             } else {
@@ -279,9 +314,10 @@ mod tests {
             reach: 2.2,
             gravity,
             bend: 0.05,
+            moving: None,
         };
         let mut frame = FilterFrame::new(&extent).expect("the box is large enough");
-        frame.begin::<F>(&world, world.now);
+        frame.begin::<F>(&world, world.now, true);
         (frame, world)
     }
 

@@ -31,6 +31,8 @@ use crate::{
     state::world::World,
 };
 
+use super::moving::{LARGEST_CHANGE, Motion, MovingFrame};
+
 /// Largest displacement of a particle within a span, for contact distances that differ by at most
 /// [`SIZE_RATIO`] [largest contact distances]. Its rounding error, about 10⁻⁶ of it, is far below [`MARGIN`].
 const MAX_DISPLACEMENT: f64 = 12.0;
@@ -86,6 +88,9 @@ pub(super) struct FilterFrame {
     pub longest_chord: f32,
     /// The largest such difference [largest contact distances].
     bend: f64,
+    /// The frame of a box that deforms, and what filters and lists read of it.
+    pub moving: Option<MovingFrame>,
+    pub motion: Motion,
 }
 
 /// The box and the particles for which a [`FilterFrame`] is made.
@@ -102,6 +107,7 @@ pub(super) struct Extent {
     pub gravity: DVec3,
     /// Largest difference of a path from its chord that lists allow [largest contact distances].
     pub bend: f64,
+    pub moving: Option<MovingFrame>,
 }
 
 /// The largest distance of two particles of a list \[length\] that the edge of an axis allows, with
@@ -122,7 +128,7 @@ impl FilterFrame {
     /// # Errors
     /// The box is too small or too large, or sizes differ too much.
     pub fn new(extent: &Extent) -> Result<Self, Reason> {
-        let &Extent { axes, size, beyond, contact: [sigma, least], reach, gravity, bend } = extent;
+        let &Extent { axes, size, beyond, contact: [sigma, least], reach, gravity, bend, moving } = extent;
         let (mut period, mut per_length, mut unit) = (size.to_array(), [1.0; 3], [1.0; 3]);
         let mut max_displacement = MAX_DISPLACEMENT * (SIZE_RATIO * least / sigma).min(1.0);
         if max_displacement < MIN_DISPLACEMENT {
@@ -143,7 +149,13 @@ impl FilterFrame {
             per_length[axis] = PERIOD / edge;
             unit[axis] = (1.0 / (per_length[axis] * sigma)) as f32;
             // The distance of two particles grows at up to twice the speed of one.
-            max_displacement = max_displacement.min(0.5 * (NEAREST * edge - reach) / sigma);
+            let mut most = 0.5 * (NEAREST * edge - reach) / sigma;
+            if let Some(moving) = &moving {
+                let tilt = if axis == 0 { moving.largest_tilt() } else { 0.0 };
+                let room = NEAREST * edge * moving.shortest() - reach * (1.0 + tilt);
+                most = 0.5 * room / sigma / (1.0 + LARGEST_CHANGE);
+            }
+            max_displacement = max_displacement.min(most);
             longest = longest.max(edge / least);
         }
         // The last term covers the rounding of coordinates.
@@ -174,11 +186,18 @@ impl FilterFrame {
             fall: [0.0; 3],
             longest_chord: f32::INFINITY,
             bend,
+            moving,
+            motion: Motion::default(),
         })
     }
 
-    /// Begins a span at `now` [ticks], not before the present time.
-    pub fn begin<F: Features>(&mut self, world: &World, now: i64) {
+    /// Begins a span at `now` [ticks], not before the present time. If lists are `made`, it is the first one for
+    /// these lists.
+    pub fn begin<F: Features>(&mut self, world: &World, now: i64, made: bool) {
+        if F::DEFORMS {
+            self.begin_moving::<F>(world, now, made);
+            return;
+        }
         let fastest = if F::GRAVITY {
             let falling = (0..world.particles.len() as u32).filter(|&i| world.falls(i));
             let squares = falling.map(|i| world.flight::<F>(i, now).1.length_squared());
@@ -210,6 +229,40 @@ impl FilterFrame {
         }
     }
 
+    /// [`Self::begin`] in a box that deforms.
+    fn begin_moving<F: Features>(&mut self, world: &World, now: i64, made: bool) {
+        let Some(mut moving) = self.moving else { return };
+        moving.begin(world, now, &mut self.period, made);
+        for axis in 0..3 {
+            // A flat axis has one coordinate.
+            if self.per_length[axis] == 1.0 {
+                continue;
+            }
+            self.per_length[axis] = PERIOD / self.period[axis];
+            self.unit[axis] = (1.0 / (self.per_length[axis] * self.sigma)) as f32;
+        }
+        let square = |i: u32| {
+            let (position, velocity) = world.flight::<F>(i, now);
+            let [_, v] = moving.path(position, velocity);
+            v.iter().map(|v| v * v).sum::<f64>()
+        };
+        let squares = (0..world.particles.len() as u32).map(square);
+        let fastest = squares.fold(0.0, f64::max).sqrt() * HEADROOM;
+        let time = duration(self.max_displacement * self.sigma, fastest, 0.0).min(moving.longest());
+        let ticks = (time * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
+        (self.begin, self.end) = (now, now + ticks);
+        self.step = ticks as f64 * world.clock.tick;
+        self.per_tick = 1.0 / ticks as f64;
+        let limit = (fastest * self.step / self.sigma).min(self.max_displacement);
+        self.limit2 = (limit * limit) as f32;
+        // The displacement in space contains the tilt, and the flow over the distance.
+        let displacement = limit * (1.0 + moving.largest_tilt()) + LARGEST_CHANGE * self.reach;
+        self.noise = (NOISE * self.reach * displacement) as f32;
+        self.longest_chord = moving.longest_chord(self.step, limit, self.bend);
+        self.motion = moving.motion(self.step, &self.period);
+        self.moving = Some(moving);
+    }
+
     /// The fraction of the span that has passed at time `now`.
     #[inline(always)]
     pub fn fraction(&self, now: i64) -> f32 {
@@ -225,7 +278,7 @@ impl FilterFrame {
     /// Whether all particles have a [straight](Self::straight) flight near the box.
     #[inline(always)]
     pub fn is_plain<F: Features>(&self) -> bool {
-        !F::GRAVITY && !self.is_open
+        !F::GRAVITY && !F::DEFORMS && !self.is_open
     }
 
     /// [`Self::compact`] without gravity and open axes. On its own, because it is then compiled to vector
@@ -250,6 +303,9 @@ impl FilterFrame {
         if F::GRAVITY && !world.falls(i) {
             return self.fixed::<F>(world, i);
         }
+        if F::DEFORMS {
+            return self.moving::<F>(world, i);
+        }
         let particle = &world.particles[i as usize];
         let back = (self.begin - particle.time) as f64 * world.clock.tick;
         let gravity = if F::GRAVITY { self.gravity } else { DVec3::ZERO };
@@ -262,6 +318,25 @@ impl FilterFrame {
                 [0, 1, 2].map(|axis| self.coordinate(axis, position[axis]))
             },
             v: displacement.to_array().map(|v| v as f32),
+            ..self.without_path::<F>(world, i)
+        }
+    }
+
+    /// [`Self::compact`] in a box that deforms.
+    fn moving<F: Features>(&self, world: &World, i: u32) -> CompactParticle {
+        let Some(moving) = &self.moving else { return self.straight::<F>(world, i) };
+        let particle = &world.particles[i as usize];
+        let back = (self.begin - particle.time) as f64 * world.clock.tick;
+        let [position, velocity] =
+            moving.path(particle.position + particle.velocity * back, particle.velocity);
+        let scale = self.step / self.sigma;
+        CompactParticle {
+            x: if self.is_open {
+                self.coordinates(position)
+            } else {
+                [0, 1, 2].map(|axis| self.coordinate(axis, position[axis]))
+            },
+            v: velocity.map(|v| (v * scale) as f32),
             ..self.without_path::<F>(world, i)
         }
     }

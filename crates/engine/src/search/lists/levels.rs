@@ -23,6 +23,8 @@ pub(super) struct Layout {
     pub edges: [f64; 3],
     /// Largest contact distances per coordinate.
     pub unit: [f32; 3],
+    /// The tilt with which distances are measured in a sheared box.
+    pub tilt: f64,
     /// Distance beyond contact at which particles are neighbors.
     pub skin: f64,
     /// Mean distance of neighbors.
@@ -47,11 +49,11 @@ impl Levels {
     /// Bins for particles, the last of which is the sentinel, with the reference positions of their
     /// coordinates. `UNIFORM`: all have the contact distance 1.
     pub fn new<const UNIFORM: bool>(layout: &Layout, particles: &Array<CompactParticle>) -> Self {
-        let &Layout { edges, unit, skin, spacing } = layout;
+        let &Layout { edges, skin, spacing, .. } = layout;
         let particles = particles.part(0..particles.len() - 1);
         let count = particles.len();
         if UNIFORM {
-            let mut first = Bins::new(edges, unit, 1.0 + skin, spacing, count);
+            let mut first = Bins::new(layout, 1.0 + skin, spacing, count);
             for (i, compact) in particles.iter().enumerate() {
                 first.insert::<false>(i as u32, compact.x);
             }
@@ -79,11 +81,10 @@ impl Levels {
             let reach = 2.0 * f64::from(radii[range]) + skin;
             let share = count as f64 / f64::from(counts[range]);
             let spacing = spacing * libm::pow(share, 1.0 / axes.max(1) as f64);
-            Bins::new(edges, unit, reach, spacing, counts[range] as usize)
+            Bins::new(layout, reach, spacing, counts[range] as usize)
         };
         let mut bins: Vec<Bins> = used.iter().map(bins).collect();
-        let first =
-            if bins.is_empty() { Bins::new(edges, unit, 1.0 + skin, spacing, 0) } else { bins.remove(0) };
+        let first = if bins.is_empty() { Bins::new(layout, 1.0 + skin, spacing, 0) } else { bins.remove(0) };
         let mut levels = Self { first, others: bins, ..Self::default() };
         levels.radii = used.iter().map(|&range| radii[range]).collect();
         if !levels.others.is_empty() {
@@ -170,7 +171,7 @@ impl Levels {
     /// radius this is, with the largest particle of a range, and the skin [largest contact distances]. Writes
     /// them to the start of `found`, whose length stays a multiple of [`LANES`], and returns their number.
     #[inline(always)]
-    pub fn near<const VECTORS: bool, const UNIFORM: bool>(
+    pub fn near<const VECTORS: bool, const UNIFORM: bool, const TILTED: bool>(
         &self,
         i: u32,
         x: [i32; 3],
@@ -180,7 +181,7 @@ impl Levels {
     ) -> usize {
         if UNIFORM || self.others.is_empty() {
             let reach = if UNIFORM { 1.0 } else { radius + self.radii[0] } + skin;
-            return self.first.near::<VECTORS>(x, reach * reach, found);
+            return self.first.near::<VECTORS, TILTED>(x, reach * reach, found);
         }
         self.near_in_all(i, x, radius, skin, found)
     }
@@ -193,7 +194,7 @@ impl Levels {
         for (level, bins) in std::iter::once(&self.first).chain(&self.others).enumerate() {
             let reach = radius + self.radii[level] + skin;
             if level <= own {
-                let count = bins.near::<false>(x, reach * reach, found);
+                let count = bins.near::<false, true>(x, reach * reach, found);
                 all.extend_from_slice(&found[..count]);
             } else {
                 bins.add_near(x, reach, &mut all);

@@ -78,6 +78,10 @@ pub(super) struct Lists {
     exit2: f32,
     /// Largest contact distances per coordinate.
     unit: [f32; 3],
+    /// The tilt with which distances are measured in a sheared box.
+    tilt: f32,
+    /// By how much contact distances can be larger in these lengths [largest contact distances].
+    strain: f32,
     /// The same in double precision, for distances from walls.
     scale: [f64; 3],
     /// Positions above this belong to particles below the lower face [largest contact distances].
@@ -109,22 +113,25 @@ pub(super) struct Lists {
 impl Lists {
     /// Lists for a plan. All `particles` must have been copied at the beginning of the frame's span.
     pub fn new<F: Features>(plan: &Plan, geometry: &Geometry, particles: &Array<CompactParticle>) -> Self {
-        let &Plan { ref frame, half_skin, axes, edges, highest, spacing, members, .. } = plan;
+        let &Plan { ref frame, half_skin, strain, axes, edges, highest, spacing, members, .. } = plan;
         let count = particles.len() - 1;
         let mut lists = Self {
             half_skin: half_skin as f32,
             exit2: {
-                let exit = if F::GRAVITY { STRAIGHT * half_skin } else { half_skin };
+                let exit = if F::GRAVITY || F::DEFORMS { STRAIGHT * half_skin } else { half_skin };
                 (exit * exit) as f32
             },
             unit: frame.unit,
+            tilt: frame.moving.map_or(0.0, |moving| moving.list_tilt as f32),
+            strain: strain as f32,
             scale: frame.per_length.map(|per_length| 1.0 / (per_length * geometry.reach)),
             highest,
             period: frame.period.map(|period| period / geometry.reach),
             planes: planes(geometry, axes),
             bins: {
-                let skin = 2.0 * (half_skin + f64::from(SLACK));
-                let layout = Layout { edges, unit: frame.unit, skin, spacing };
+                let skin = 2.0 * (half_skin + f64::from(SLACK)) + strain;
+                let tilt = frame.moving.map_or(0.0, |moving| moving.list_tilt);
+                let layout = Layout { edges, unit: frame.unit, tilt, skin, spacing };
                 if F::UNIFORM {
                     Levels::new::<true>(&layout, particles)
                 } else {
@@ -308,6 +315,14 @@ impl Lists {
                 d[axis] += frame.fall[axis] * (fraction * fraction);
             }
         }
+        if F::DEFORMS {
+            let path = frame.motion.path(compact.v, fraction);
+            for axis in 0..3 {
+                let x = compact.x[axis].wrapping_sub(reference.x[axis]) as f32 * self.unit[axis];
+                d[axis] = x + path[axis] * frame.motion.to_lists[axis];
+            }
+            d[0] += self.tilt * d[1];
+        }
         d
     }
 
@@ -325,11 +340,19 @@ impl Lists {
     ) -> Option<f32> {
         let (d, mut v) = (self.displacement::<F>(i, frame, compact, fraction), compact.v);
         let mut until = within;
+        let is_bent = F::GRAVITY || F::DEFORMS;
         if F::GRAVITY {
             // The chord of the path instead of the path, which bends away from it by less than lists allow.
             until = within.min(frame.longest_chord);
             for axis in 0..3 {
                 v[axis] += frame.fall[axis] * (2.0 * fraction + until);
+            }
+        }
+        if F::DEFORMS {
+            until = within.min(frame.longest_chord);
+            let end = self.displacement::<F>(i, frame, compact, fraction + until);
+            for axis in 0..3 {
+                v[axis] = (end[axis] - d[axis]) / until;
             }
         }
         let mut end = [0.0; 3];
@@ -338,11 +361,11 @@ impl Lists {
         }
         // A sphere is convex: a straight flight between two points inside stays inside.
         if dot(end, end) <= self.exit2 {
-            (F::GRAVITY && until < within).then_some(until)
+            (is_bent && until < within).then_some(until)
         } else {
             self.straight_exit(d, v)
                 .filter(|delay| *delay < until)
-                .or((F::GRAVITY && until < within).then_some(until))
+                .or((is_bent && until < within).then_some(until))
         }
     }
 
@@ -387,17 +410,30 @@ impl Lists {
                 v[axis] += 2.0 * frame.fall[axis] * fraction;
             }
         }
-        let speed = dot(v, v).sqrt();
+        let mut speed = dot(v, v).sqrt();
+        if F::DEFORMS {
+            v = frame.motion.velocity(compact.v, fraction);
+            let mut measured = v;
+            for axis in 0..3 {
+                measured[axis] *= frame.motion.to_lists[axis];
+            }
+            measured[0] += self.tilt * measured[1];
+            speed = dot(measured, measured).sqrt();
+        }
         let ahead = if speed > 0.0 { ahead * self.half_skin / speed } else { 0.0 };
         let mut position = [0; 3];
+        let path = if F::DEFORMS { frame.motion.path(compact.v, fraction) } else { compact.v };
         for axis in 0..3 {
-            let moved = if F::GRAVITY {
+            let moved = if F::DEFORMS {
+                path[axis] + v[axis] * ahead
+            } else if F::GRAVITY {
                 // The fall so far, and along the present velocity.
                 (compact.v[axis] + frame.fall[axis] * fraction) * fraction + v[axis] * ahead
             } else {
                 compact.v[axis] * (fraction + ahead)
             };
-            let displacement = f64::from(moved) / f64::from(self.unit[axis]);
+            let unit = if F::DEFORMS { frame.unit[axis] } else { self.unit[axis] };
+            let displacement = f64::from(moved) / f64::from(unit);
             position[axis] = compact.x[axis].wrapping_add(displacement as i64 as i32);
         }
         self.set_reference::<F, VECTORS>(i, position, particles)
@@ -449,11 +485,14 @@ impl Lists {
         found: &mut Vec<u32>,
     ) -> usize {
         let own = self.references[i as usize].x;
-        let skin = 2.0 * self.half_skin + SLACK;
-        let count = if F::UNIFORM {
-            self.bins.near::<VECTORS, true>(i, own, 0.5, skin, found)
-        } else {
-            self.bins.near::<VECTORS, false>(i, own, particles[i as usize].radius, skin, found)
+        let skin = 2.0 * self.half_skin + SLACK + if F::DEFORMS { self.strain } else { 0.0 };
+        let radius = if F::UNIFORM { 0.5 } else { particles[i as usize].radius };
+        let bins = &self.bins;
+        let count = match (F::UNIFORM, F::DEFORMS) {
+            (true, false) => bins.near::<VECTORS, true, false>(i, own, radius, skin, found),
+            (false, false) => bins.near::<VECTORS, false, false>(i, own, radius, skin, found),
+            (true, true) => bins.near::<VECTORS, true, true>(i, own, radius, skin, found),
+            (false, true) => bins.near::<VECTORS, false, true>(i, own, radius, skin, found),
         };
         if F::UNIFORM && REMOVED {
             return count;
@@ -467,6 +506,9 @@ impl Lists {
                 for axis in 0..3 {
                     d[axis] =
                         self.references[j as usize].x[axis].wrapping_sub(own[axis]) as f32 * self.unit[axis];
+                }
+                if F::DEFORMS {
+                    d[0] += self.tilt * d[1];
                 }
                 dot(d, d) < reach * reach
             };

@@ -1,18 +1,23 @@
 //! Which systems the scheduler supports, and how its lists are laid out for one.
 
+use glam::DVec3;
 use haff_neighbors::{Axis, beyond_faces};
 
 use crate::{
     model::System,
     numerics::tuning::particles::SHORT_LISTS,
     search::{
-        case::{Case, Reason, SLIDING_IMAGES},
+        case::{Case, Reason},
         summary::{LocalDensity, SystemSummary},
     },
+    state::deformation::Deformation,
     support::geometry::{axes, planes},
 };
 
-use super::frame::{self, Extent, FilterFrame};
+use super::{
+    frame::{self, Extent, FilterFrame},
+    moving::{self, MovingFrame},
+};
 
 /// Mean number of members of a list. With the first value most lists, fluctuations included, fit into two
 /// vectors of the filter. The second is for systems of [`SHORT_LISTS`] particles and more: there each member
@@ -55,6 +60,8 @@ pub(super) struct Plan {
     pub half_skin: f64,
     /// That with which lists are fastest in a large box.
     fastest: f64,
+    /// By how much contact distances are larger in lengths of the lists [largest contact distances].
+    pub strain: f64,
     /// The axes of the box; one along which a wall moves on and on is open.
     pub axes: [Axis; 3],
     /// Edges of the box, 0 along an axis without motion [largest contact distances].
@@ -84,9 +91,6 @@ impl Plan {
         if summary.count >= i32::MAX as usize {
             return Err(Reason::new(format!("there are more than {} particles", i32::MAX)));
         }
-        if system.domain.shear.is_some() {
-            return Err(Reason::new(SLIDING_IMAGES));
-        }
         let sigma = summary.contact;
         let flat = summary.dimension == 2;
         // Area of the unit circle or volume of the unit sphere.
@@ -100,23 +104,34 @@ impl Plan {
         };
         let shell = sphere_of(members);
         let mean = 2.0 * summary.mean / sigma;
-        let (kinds, size) = (axes(system), system.domain.size);
+        let (mut kinds, mut size) = (axes(system), system.domain.size);
         let beyond = beyond_faces(kinds, size, &planes(system));
+        let moving = MovingFrame::of(system);
+        let strain = Deformation::of(system).map_or(0.0, |images| moving::strain(&images));
+        // The shortest edges, for a distance that is longer along them in coordinates.
+        let mut shortest = size;
+        if let Some(moving) = &moving {
+            // Only without walls: then axes are all alike but for their lengths.
+            size = DVec3::from_array(moving.ordered(size));
+            kinds = moving.order.map(|axis| kinds[axis]);
+            shortest = size * moving.shortest();
+            shortest.x /= 1.0 + moving.largest_tilt();
+        }
         // Where a wall moves on and on, there is no limit to positions.
         let is_endless = |k: usize| beyond[k].contains(&f64::INFINITY);
         let axes = [0, 1, 2].map(|k| if is_endless(k) { Axis::Open } else { kinds[k] });
         // In a small box the skin is thinner than would be fastest.
-        let longest = (0..3).map(|k| frame::longest_reach(axes[k], size[k], beyond[k], sigma));
-        let thickest = 0.25 * (longest.fold(f64::INFINITY, f64::min) / sigma - CONTACT);
+        let longest = (0..3).map(|k| frame::longest_reach(axes[k], shortest[k], beyond[k], sigma));
+        let thickest = 0.25 * (longest.fold(f64::INFINITY, f64::min) / sigma - CONTACT - strain);
         if thickest < THINNEST {
             return Err(Reason::new("an edge is too short for images of lists"));
         }
         let shell = (shell / mean).clamp(SHELL[0], SHELL[1]) * mean;
-        let fastest = 0.5 * (shell.max(sphere_of(DILUTE).min(FARTHEST * mean)) - mean);
+        let fastest = 0.5 * (shell.max(sphere_of(DILUTE).min(FARTHEST * mean)) - mean - strain * mean);
         let half_skin = fastest.min(thickest);
         // Reference positions of neighbors are at most a contact distance and the skin apart, and each
         // particle is at most half of the skin from its reference position.
-        let reach = (CONTACT + 4.0 * half_skin) * sigma;
+        let reach = (CONTACT + strain + 4.0 * half_skin) * sigma;
         let frame = FilterFrame::new(&Extent {
             axes,
             size,
@@ -125,6 +140,7 @@ impl Plan {
             reach,
             gravity: system.domain.gravity,
             bend: (1.0 - STRAIGHT) * half_skin,
+            moving,
         })?;
         // In the middle of what has been added to the edge.
         let highest = [0, 1, 2].map(|k| match axes[k] {
@@ -133,6 +149,6 @@ impl Plan {
         });
         let edges = [0, 1, 2].map(|k| if axes[k] == Axis::Flat { 0.0 } else { frame.period[k] / sigma });
         let members = unit_sphere * ((mean + 2.0 * half_skin) / spacing).powi(summary.dimension) - 1.0;
-        Ok(Self { frame, half_skin, fastest, axes, edges, highest, spacing, members })
+        Ok(Self { frame, half_skin, fastest, strain, axes, edges, highest, spacing, members })
     }
 }

@@ -82,12 +82,17 @@ impl<F: Features> ListPredictor<F> {
     /// Begins a span at the present time: all compact particles are computed from their anchors.
     #[cold]
     pub fn begin(&mut self, world: &World) {
-        self.begin_at(world, world.now);
+        self.begin_at(world, world.now, false);
+    }
+
+    /// [`Self::begin`] for lists that are made then.
+    pub fn begin_lists(&mut self, world: &World) {
+        self.begin_at(world, world.now, true);
     }
 
     /// The same at a time `now` [ticks] before the next event.
-    pub fn begin_at(&mut self, world: &World, now: i64) {
-        self.plan.frame.begin::<F>(world, now);
+    pub fn begin_at(&mut self, world: &World, now: i64, made: bool) {
+        self.plan.frame.begin::<F>(world, now, made);
         for i in 0..world.particles.len() as u32 {
             self.particles[i as usize] = self.plan.frame.compact::<F>(world, i);
         }

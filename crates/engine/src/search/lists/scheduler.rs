@@ -176,7 +176,7 @@ impl<F: Features, E: ListedEvent> Scheduler for ListSearch<F, E> {
             predictor.particles = particles.into();
         }
         predictor.planes = Planes::new(&state.world);
-        predictor.begin(&state.world);
+        predictor.begin_lists(&state.world);
         predictor.lists = Lists::default();
         predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.particles);
         let in_steps = self.begin_steps(state);

@@ -187,7 +187,7 @@ impl<F: Features, E: ListedEvent> Stepping for ListSearch<F, E> {
         let from = self.horizon.max(state.world.now);
         let wanted = (self.steps.ticks as i64).max(1);
         if self.predictor.plan.frame.end.saturating_sub(from) < wanted / 4 + 1 {
-            self.predictor.begin_at(&state.world, from);
+            self.predictor.begin_at(&state.world, from, false);
         }
         let frame = &self.predictor.plan.frame;
         // The fastest particle has moved little in a step, even if nothing has moved before.

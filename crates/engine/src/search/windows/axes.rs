@@ -276,7 +276,7 @@ mod tests {
             radius: 0.5,
             radii: Vec::new(),
             planes: Vec::new(),
-            sliding: None,
+            deforming: None,
         }
     }
 

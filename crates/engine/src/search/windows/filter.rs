@@ -124,7 +124,7 @@ pub(super) fn search<F: Features, const HALF: bool, const VECTORS: bool>(
     scratch.candidates.len = 0;
     for (search, query) in queries.iter().enumerate() {
         let WindowQuery { slot, start, from, compact: CompactParticle { v, radius, .. } } = *query;
-        let v = if F::SHEAR { cells.axes.tilt.chord(v, from) } else { v };
+        let v = if F::DEFORMS { cells.axes.tilt.chord(v, from) } else { v };
         let extent = if F::UNIFORM { 0.0 } else { radius - common_radius };
         let reach = [radius + common_radius, extent];
         let low = if HALF { lowest[slot as usize] } else { 0 };
@@ -179,7 +179,7 @@ fn passes<F: Features>(other: &CompactParticle, axes: &Axes, query: &WindowQuery
         r[axis] = other.x[axis].wrapping_sub(own.x[axis]) as f32 * axes.unit[axis];
         v[axis] = other.v[axis] - own.v[axis];
     }
-    if F::SHEAR {
+    if F::DEFORMS {
         let Tilt { start, change } = axes.tilt;
         r[0] += start * r[1];
         v[0] += start * v[1] + change * r[1];
@@ -271,7 +271,7 @@ mod avx2 {
         let mut u = _mm256_sub_ps(others.v[0], _mm256_set1_ps(own.v[0]));
         let v = _mm256_sub_ps(others.v[1], _mm256_set1_ps(own.v[1]));
         let w = _mm256_sub_ps(others.v[2], _mm256_set1_ps(own.v[2]));
-        if F::SHEAR {
+        if F::DEFORMS {
             let [start, change] = tilt;
             x = _mm256_fmadd_ps(start, y, x);
             u = _mm256_fmadd_ps(change, y, _mm256_fmadd_ps(start, v, u));

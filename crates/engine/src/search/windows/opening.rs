@@ -57,7 +57,7 @@ impl<F: Features> Windows<F> {
             .map(|block| {
                 let squares = block.iter().map(|particle| {
                     let mut velocity = particle.velocity;
-                    if F::SHEAR
+                    if F::DEFORMS
                         && let Some(frame) = &shear
                     {
                         let age = (world.now - particle.time) as f64 * world.clock.tick;
@@ -95,7 +95,7 @@ impl<F: Features> Windows<F> {
         let largest_contact = self.largest_contact * f64::from(margin(MAX_DISPLACEMENT, rounding));
         let limit = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
-                Axis::Periodic if F::SHEAR && axis == 0 => {
+                Axis::Periodic if F::DEFORMS && axis == 0 => {
                     0.5 * (NEAREST * self.geometry.size[axis] - largest_contact * (1.0 + tilt))
                         / (1.0 + 2.0 * tilt)
                 }
@@ -146,7 +146,7 @@ impl<F: Features> Windows<F> {
         let (axes, step, shear) = (cells.axes, self.worker.step, self.worker.shear);
         let compact = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
-            if F::SHEAR
+            if F::DEFORMS
                 && let Some(frame) = &shear
             {
                 let flight = frame.flight(position, velocity, 0.0, step);
@@ -233,7 +233,7 @@ impl<F: Features> Windows<F> {
             self.worker.space.end += ticks;
             let fall = self.fall();
             self.worker.space.stream(self.kernel, fall);
-            if F::SHEAR && !self.continue_shear(&state.world) {
+            if F::DEFORMS && !self.continue_shear(&state.world) {
                 self.start_from_anchors(&state.world);
             }
         }

@@ -11,7 +11,7 @@ use crate::{
     search::{
         batch::Kernel,
         blocks,
-        case::{Case, MAY_SETTLE, Reason},
+        case::{Case, MAY_SETTLE, MOVING_IMAGES, Reason},
         compact::NEAREST,
         event_loop::{Limit, Next, Scheduler},
         planes::Planes,
@@ -97,6 +97,9 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
     }
     if system.domain.gravity != DVec3::ZERO && !summary.movable {
         return Err(Reason::new("there are gravity and bodies of infinite mass, which do not fall"));
+    }
+    if world.boundary.deformation.is_some_and(|images| images.stretches()) {
+        return Err(Reason::new(MOVING_IMAGES));
     }
     can_run_shear(system, summary)?;
     for axis in 0..axes {

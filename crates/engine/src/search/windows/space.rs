@@ -325,9 +325,9 @@ pub(super) struct Fall {
 #[inline(always)]
 fn stream<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle]) {
     for compact in particles {
-        let path = if F::SHEAR { axes.tilt.chord(compact.v, 0.0) } else { compact.v };
+        let path = if F::DEFORMS { axes.tilt.chord(compact.v, 0.0) } else { compact.v };
         let displacement = axes.displacement(path, 1.0);
-        if F::SHEAR {
+        if F::DEFORMS {
             // The velocity relative to the flow and the tilt have changed, both along the flow.
             compact.v[0] -= 2.0 * axes.tilt.change * compact.v[1];
         }
@@ -352,7 +352,7 @@ fn fill<F: Features>(
 ) {
     let path = |slot: u32| {
         let CompactParticle { x, v, radius, .. } = particles[slot as usize];
-        let v = if F::SHEAR { axes.tilt.chord(v, 0.0) } else { v };
+        let v = if F::DEFORMS { axes.tilt.chord(v, 0.0) } else { v };
         (x, v, if F::UNIFORM { 0.0 } else { radius - common_radius })
     };
     part.fill(axes, path, leftover);

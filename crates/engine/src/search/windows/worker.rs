@@ -175,7 +175,7 @@ impl<F: Features> Worker<F> {
     #[inline(always)]
     fn register(&mut self, query: &WindowQuery) {
         let CompactParticle { radius, v, .. } = query.compact;
-        let v = if F::SHEAR { self.space.cells.axes.tilt.chord(v, query.from) } else { v };
+        let v = if F::DEFORMS { self.space.cells.axes.tilt.chord(v, query.from) } else { v };
         let extent = self.space.extent(radius);
         self.space.cells.register(query.slot, query.start, v, 1.0 - query.from, extent);
     }
@@ -202,7 +202,7 @@ impl<F: Features> Worker<F> {
         }
         let axes = &self.space.cells.axes;
         let mut displacement = axes.displacement(v, from);
-        if F::SHEAR
+        if F::DEFORMS
             && let Some(frame) = &self.shear
         {
             let elapsed = (particle.time - self.begin) as f64 * world.clock.tick;

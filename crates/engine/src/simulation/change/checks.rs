@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::{
     model::{Boundary, Dimension, System, bounds, wall_motion::WallMotion},
     numerics::number::significant,
-    state::{periodicity::Periodicity, world::World},
+    state::{deformation::Deformation, periodicity::Periodicity, world::World},
 };
 
 use super::{Change, NewParticle};
@@ -91,8 +91,8 @@ fn size_and_mass(system: &System, k: usize, new: &NewParticle) -> Checked {
     if let Err(why) = bounds::mass(mass) {
         return of_mass(why);
     }
-    if system.domain.shear.is_some() && mass == f64::INFINITY {
-        return of_mass("must be finite in a sheared box (domain.shear)");
+    if Deformation::of(system).is_some() && mass == f64::INFINITY {
+        return of_mass("must be finite in a box that deforms");
     }
     for axis in 0..system.dimension.count() {
         let edge = system.domain.size[axis];
@@ -189,7 +189,7 @@ pub(super) fn wrapped(world: &World, position: DVec3, image: [i32; 3]) -> Result
             ["x", "y", "z"][axis]
         ))
     };
-    if let Some(shear) = &world.boundary.shear {
+    if let Some(shear) = world.shear() {
         let up = world.boundary.periodicity.wrap(position).1[shear.gradient];
         if (f64::from(up) * world.displacement(world.now).turns as f64).abs() > MOST_IMAGES {
             return far(shear.gradient);

@@ -104,8 +104,9 @@ pub struct SizesConfig {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct InitialConfig {
-    /// `lattice` (default; the densest of the dimension), `fcc` (3D), `hexagonal` (2D), `random`, or
-    /// `{ file = "state.h5" }`: positions and velocities of the last frame of an output file.
+    /// `lattice` (default; the densest of the dimension), `fcc` (3D), `hexagonal` (2D), `random`,
+    /// `{ packing = 0.6 }`: a dense random packing, or `{ file = "state.h5" }`: positions and velocities of the last
+    /// frame of an output file.
     pub positions: Option<PositionsConfig>,
     /// Granular temperature T = Σ m v²/(dN) of the species [energy]; Maxwell velocities, shifted to zero
     /// momentum (a single particle is not) and rescaled to T exactly. Default 1; with positions from a file,
@@ -126,6 +127,8 @@ pub enum PositionsConfig {
     Packing(PackingConfig),
     /// The last frame of a file.
     File(FileConfig),
+    /// A random packing that grows to a stated packing fraction.
+    Grown(GrownConfig),
 }
 
 /// A packing.
@@ -138,8 +141,19 @@ pub enum PackingConfig {
     Fcc,
     /// Triangular, up to 0.907.
     Hexagonal,
-    /// Sequential insertion, then growth: up to 0.5 in 3D, 0.7 in 2D.
+    /// Sequential insertion, then pushed apart: up to 0.58 in 3D, 0.78 in 2D; denser ones are `{ packing = … }`.
     Random,
+}
+
+/// A dense random packing: the particles are placed in a larger box, which is compressed to this packing fraction
+/// while they collide.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["packing"]))]
+pub struct GrownConfig {
+    /// Packing fraction; that of the box, which follows from it unless `domain.size` is given.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
+    pub packing: Option<f64>,
 }
 
 /// A file with states: an output file of haff, GSD, extended XYZ (`.xyz`, `.extxyz`) or CSV.
@@ -149,6 +163,10 @@ pub enum PackingConfig {
 pub struct FileConfig {
     /// Path, relative to the current directory.
     pub file: Option<String>,
+    /// Only where no file is named: that of [`GrownConfig`].
+    #[serde(skip_serializing)]
+    #[schemars(skip)]
+    pub packing: Option<f64>,
     /// Which frame; from the end if negative. Default −1, the last.
     #[serde(deserialize_with = "whole")]
     pub index: Option<i64>,

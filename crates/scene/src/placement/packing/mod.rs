@@ -1,6 +1,7 @@
 //! Initial positions of the species: lattices and random packings that avoid walls, planes and the particles
 //! placed by hand.
 
+pub(crate) mod growth;
 pub(crate) mod lattice;
 pub(crate) mod loose;
 

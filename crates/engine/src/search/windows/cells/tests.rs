@@ -21,7 +21,7 @@ fn geometry(size: DVec3, axes: [Axis; 3]) -> Geometry {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
-        sliding: None,
+        deforming: None,
     }
 }
 

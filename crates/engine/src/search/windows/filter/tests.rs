@@ -37,7 +37,7 @@ fn cells() -> Cells {
         radius: 0.5,
         radii: Vec::new(),
         planes: Vec::new(),
-        sliding: None,
+        deforming: None,
     };
     Cells::new(&geometry, EDGE / 4.0, 1000)
 }
@@ -172,8 +172,8 @@ struct Counts {
 /// Tests `count` pairs with relative displacements of up to `displacement` contact distances.
 fn check<F: Features>(displacement: f64, count: usize) -> Counts {
     let mut cells = cells();
-    let widened = if F::SHEAR { WIDENED } else { 1.0 };
-    if F::SHEAR {
+    let widened = if F::DEFORMS { WIDENED } else { 1.0 };
+    if F::DEFORMS {
         cells.axes.tilt = TILT;
     }
     let mut random = Random(displacement.to_bits());

@@ -1,0 +1,194 @@
+/*!
+The frame of the filter in a box that deforms.
+
+Coordinates deform with the flow and repeat with the box. Under shear, with the axes in the order flow x, gradient
+y, the coordinates of a particle at the beginning of a span are ξ = x − k y and y, for the *tilt* k = S/L_y of the
+displacement S of the image across the upper face. Under compression they are parts of the edges. A particle at
+rest relative to the flow keeps its coordinates.
+
+The velocity relative to the flow at the beginning of the span is c = v − G r. A path through the span is straight
+in space, so that for a pair the filter has the separation r_x = Δξ + k Δy and the displacement
+
+```text
+Δu + k Δw + g Δy,   u = (c_x − k c_y) W,  w = c_y W,  g = γ̇ W       under shear,
+Δu + g r,           u = c W,              g = a W/(1 + a t)           under compression, along each axis,
+```
+
+for the length W of the span. The path in coordinates is ξ + u θ − g w θ² or ξ + u θ/(1 + g θ).
+
+Reference positions stay where they are in coordinates. Lists measure all distances as they were when all lists
+were made: until the *horizon*, at which they are made again, two particles that touch are no farther apart than
+the contact distance times 1 + [`strain`].
+*/
+
+use glam::DVec3;
+
+use crate::{
+    model::System,
+    state::{
+        deformation::{Deformation, HORIZON, SHEAR_HORIZON},
+        world::World,
+    },
+};
+
+/// Largest change of edges, or of the tilt, in a span.
+pub(super) const LARGEST_CHANGE: f64 = 0.05;
+
+/// What filters and lists read of a frame that deforms; zero in a box that does not.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Motion {
+    /// k at the beginning of the span, and its change g in the span.
+    pub tilt: f32,
+    pub shear: f32,
+    /// g along each axis.
+    pub stretch: [f32; 3],
+    /// Lengths when lists were made by those at the beginning of the span.
+    pub to_lists: [f32; 3],
+}
+
+impl Motion {
+    /// The displacement at `fraction` of the span, in lengths of its beginning.
+    #[inline(always)]
+    pub fn path(&self, v: [f32; 3], fraction: f32) -> [f32; 3] {
+        let mut path = [0.0; 3];
+        for axis in 0..3 {
+            path[axis] = v[axis] * (fraction / (1.0 + self.stretch[axis] * fraction));
+        }
+        path[0] -= self.shear * v[1] * (fraction * fraction);
+        path
+    }
+
+    /// The derivative of [`Self::path`].
+    #[inline(always)]
+    pub fn velocity(&self, v: [f32; 3], fraction: f32) -> [f32; 3] {
+        let mut velocity = [0.0; 3];
+        for axis in 0..3 {
+            let scale = 1.0 + self.stretch[axis] * fraction;
+            velocity[axis] = v[axis] / (scale * scale);
+        }
+        velocity[0] -= 2.0 * self.shear * v[1] * fraction;
+        velocity
+    }
+}
+
+/// The frame of a box that deforms.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MovingFrame {
+    /// The axes of the flow, of the gradient, and the third one: the axes of the frame in this order.
+    pub order: [usize; 3],
+    images: Deformation,
+    /// Edge along the flow by that along the gradient, and the latter \[length\].
+    ratio: f64,
+    height: f64,
+    /// k at the beginning of the span, and when lists were made.
+    tilt: f64,
+    pub list_tilt: f64,
+    /// Edges when lists were made \[length\].
+    list_edges: [f64; 3],
+    /// The diagonal of G at the beginning of the span, and γ̇ [1/time].
+    diagonal: [f64; 3],
+    rate: f64,
+}
+
+/// By how much the contact distance is larger in lengths of the lists, until these are made again.
+pub(super) fn strain(images: &Deformation) -> f64 {
+    match &images.sliding {
+        // The largest factor of a length in a simple shear.
+        Some(_) => (1.0 + 0.25 * SHEAR_HORIZON * SHEAR_HORIZON).sqrt() + 0.5 * SHEAR_HORIZON - 1.0,
+        None => 1.0 / (1.0 - HORIZON) - 1.0,
+    }
+}
+
+impl MovingFrame {
+    pub fn of(system: &System) -> Option<Self> {
+        let images = Deformation::of(system)?;
+        let (flow, gradient) = images.sliding.map_or((0, 1), |shear| (shear.flow, shear.gradient));
+        let order = [flow, gradient, 3 - flow - gradient];
+        let size = system.domain.size;
+        Some(Self {
+            order,
+            images,
+            ratio: size[flow] / size[gradient],
+            height: size[gradient],
+            tilt: 0.0,
+            list_tilt: 0.0,
+            list_edges: order.map(|axis| size[axis]),
+            diagonal: [0.0; 3],
+            rate: images.sliding.map_or(0.0, |shear| shear.rate),
+        })
+    }
+
+    /// The components of a vector in the order of the axes of the frame.
+    #[inline(always)]
+    pub fn ordered(&self, vector: DVec3) -> [f64; 3] {
+        self.order.map(|axis| vector[axis])
+    }
+
+    /// Largest tilt of any span.
+    pub fn largest_tilt(&self) -> f64 {
+        if self.images.stretches() { 0.0 } else { 0.5 * self.ratio + SHEAR_HORIZON + LARGEST_CHANGE }
+    }
+
+    /// By how much edges can be shorter than when lists were made.
+    pub fn shortest(&self) -> f64 {
+        if self.images.stretches() { 1.0 - HORIZON } else { 1.0 }
+    }
+
+    /// Longest span [time].
+    pub fn longest(&self) -> f64 {
+        let fastest = self.diagonal.iter().fold(self.rate.abs(), |fastest, rate| fastest.max(rate.abs()));
+        LARGEST_CHANGE / fastest
+    }
+
+    /// Sets the frame for a span from `ticks` on, with edges \[length\] along the axes that are periodic: the
+    /// edges then. If lists are `made`, they are made there.
+    pub fn begin(&mut self, world: &World, ticks: i64, edges: &mut [f64; 3], made: bool) {
+        let time = world.clock.time(ticks);
+        if self.images.stretches() {
+            let present = self.ordered(world.periodicity(ticks).size);
+            self.diagonal = self.ordered(self.images.rates / self.images.scale(time));
+            for axis in (0..3).filter(|&axis| self.images.rates[self.order[axis]] != 0.0) {
+                edges[axis] = present[axis];
+            }
+        } else {
+            let tilt = world.displacement(ticks).offset / self.height;
+            // Not reduced by an edge while lists are in use.
+            let turns = if made { 0.0 } else { ((self.tilt - tilt) / self.ratio).round_ties_even() };
+            self.tilt = tilt + turns * self.ratio;
+        }
+        if made {
+            (self.list_tilt, self.list_edges) = (self.tilt, *edges);
+        }
+    }
+
+    /// What filters and lists read, for a span of this length [time] and with these edges.
+    pub fn motion(&self, step: f64, edges: &[f64; 3]) -> Motion {
+        Motion {
+            tilt: self.tilt as f32,
+            shear: (self.rate * step) as f32,
+            stretch: self.diagonal.map(|rate| (rate * step) as f32),
+            to_lists: [0, 1, 2].map(|axis| (self.list_edges[axis] / edges[axis]) as f32),
+        }
+    }
+
+    /// The position, in lengths of the box at the beginning of the span, and the velocity in these coordinates, of
+    /// a path that is at `position` then.
+    #[inline(always)]
+    pub fn path(&self, position: DVec3, velocity: DVec3) -> [[f64; 3]; 2] {
+        let (mut r, mut v) = (self.ordered(position), self.ordered(velocity));
+        for axis in 0..3 {
+            v[axis] -= self.diagonal[axis] * r[axis];
+        }
+        v[0] -= self.rate * r[1] + self.tilt * v[1];
+        r[0] -= self.tilt * r[1];
+        [r, v]
+    }
+
+    /// The longest time for which paths of up to `displacement` in a span of this length differ from their
+    /// chords by at most `bend` [spans].
+    pub fn longest_chord(&self, step: f64, displacement: f64, bend: f64) -> f32 {
+        let change = LARGEST_CHANGE.min(step * LARGEST_CHANGE / self.longest());
+        // A parabola differs from its chord by a quarter of g w θ²; a path under compression by little more.
+        (4.0 * bend / (1.25 * change * displacement)).sqrt() as f32
+    }
+}

@@ -1,0 +1,225 @@
+//! Boxes whose edges become shorter or longer: growth of particles, work of the flow, and observables.
+
+mod common;
+
+use common::{Random, check_independence, class, disks, gas, polydisperse, set_restitution, system};
+use glam::DVec3;
+use haff_engine::{
+    Boundary, Compression, Dimension, NeighborChoice, Options, Silent, Simulation, System, Term, Until,
+};
+use haff_mechanics::Roughness;
+
+fn until(time: f64) -> Until {
+    Until { time, ..Until::default() }
+}
+
+/// Compresses the box of a scene, with the flow of the box, and without momentum.
+fn compress(scene: &mut System, rates: DVec3) {
+    scene.domain.compression = Some(Compression { rates });
+    let mass = |body: &haff_engine::Body| scene.classes[body.class as usize].mass;
+    let total: f64 = scene.bodies.iter().map(mass).sum();
+    let drift = scene.bodies.iter().map(|body| body.velocity * mass(body)).sum::<DVec3>() / total;
+    let periodic = scene.domain.boundary.map(|boundary| f64::from(u8::from(boundary == Boundary::Periodic)));
+    for body in &mut scene.bodies {
+        body.velocity -= rates * DVec3::from_array(periodic) * body.position + drift;
+    }
+}
+
+/// Gives all contacts one rough law, and particles spins.
+fn roughen(scene: &mut System, beta: f64, mu: f64) {
+    let mut random = Random(11);
+    let law = Roughness { tangential_restitution: beta, friction: mu };
+    scene.spin = Some(haff_engine::Spin {
+        inertia: vec![0.4],
+        angular_velocity: (0..scene.bodies.len())
+            .map(|_| DVec3::new(random.normal(), random.normal(), random.normal()))
+            .collect(),
+        pair: vec![law],
+        wall: vec![law; scene.walls.len()],
+    });
+}
+
+#[test]
+fn trajectory_under_compression_is_independent_of_search_slices_and_resumption() {
+    for (rates, seed) in [
+        (DVec3::splat(0.05), 1),
+        (DVec3::new(0.1, 0.0, 0.0), 2),
+        (DVec3::new(-0.3, 0.08, 0.08), 3),
+        (DVec3::splat(-2.0), 4),
+    ] {
+        let mut scene = gas(5, 0.1, 0.8, seed);
+        compress(&mut scene, rates);
+        check_independence(&scene, &[0.5, 3.0]);
+        let mut scene = polydisperse(7, 0.05, seed);
+        set_restitution(&mut scene, 0.9);
+        roughen(&mut scene, 0.4, 0.3);
+        compress(&mut scene, rates);
+        scene.measure.stress = true;
+        check_independence(&scene, &[0.5, 3.0]);
+    }
+    let mut scene = disks(9, 0.3, 7);
+    set_restitution(&mut scene, 0.8);
+    compress(&mut scene, DVec3::new(0.05, -0.02, 0.0));
+    let kind = haff_engine::DriveKind::Rescale { temperature: 1.0, interval: 0.3 };
+    scene.drives = vec![haff_engine::Drive { kind, species: vec![0] }];
+    check_independence(&scene, &[0.5, 3.0]);
+}
+
+/// Particles whose diameters grow as 1 + γ t in a fixed box, without the engine: every pair with all images near
+/// it, contact times by the quadratic formula. With x = r/(1 + γ t) and τ = t/(1 + γ t) it is the compressed box.
+struct Growing {
+    position: Vec<DVec3>,
+    velocity: Vec<DVec3>,
+    size: DVec3,
+    rate: f64,
+    e: f64,
+    time: f64,
+}
+
+impl Growing {
+    fn next(&self) -> (f64, usize, usize, DVec3) {
+        let (sigma, growth) = (1.0 + self.rate * self.time, self.rate);
+        let mut best = (f64::INFINITY, 0, 0, DVec3::ZERO);
+        let count = self.position.len();
+        for (i, j) in (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j))) {
+            let d = self.position[j] - self.position[i];
+            let nearest = -(d / self.size).round();
+            let v = self.velocity[j] - self.velocity[i];
+            for k in 0..125 {
+                let image =
+                    nearest + DVec3::new(f64::from(k % 5), f64::from(k / 5 % 5), f64::from(k / 25)) - 2.0;
+                let r = d + image * self.size;
+                // |r + v t|² = (σ + growth t)²
+                let a = v.length_squared() - growth * growth;
+                let b = r.dot(v) - growth * sigma;
+                let c = (r.length_squared() - sigma * sigma).max(0.0);
+                let root = b * b - a * c;
+                if b < 0.0 && root > 0.0 {
+                    let t = c / (-b + root.sqrt());
+                    if t < best.0 {
+                        best = (t, i, j, image);
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Returns the pair.
+    fn step(&mut self) -> [u32; 2] {
+        let (delay, i, j, image) = self.next();
+        for (position, velocity) in self.position.iter_mut().zip(&self.velocity) {
+            *position += *velocity * delay;
+        }
+        self.time += delay;
+        let n = (self.position[j] + image * self.size - self.position[i]).normalize();
+        // The surfaces of the two approach by γ σ₀ more.
+        let approach = (self.velocity[i] - self.velocity[j]).dot(n) + self.rate;
+        let impulse = 0.5 * (1.0 + self.e) * approach;
+        self.velocity[i] -= n * impulse;
+        self.velocity[j] += n * impulse;
+        [i as u32, j as u32]
+    }
+
+    /// Time in the compressed box.
+    fn projected(&self) -> f64 {
+        self.time / (1.0 + self.rate * self.time)
+    }
+}
+
+#[test]
+fn growing_particles_have_the_collisions_of_the_compressed_box() {
+    for (seed, rate, e) in [(1, 0.05, 1.0), (2, 0.3, 0.8), (3, 0.05, 0.8), (4, 1.0, 1.0)] {
+        let size = DVec3::new(5.3, 5.0, 5.6);
+        let mut scene = system(Dimension::Three, size, [Boundary::Periodic; 3]);
+        set_restitution(&mut scene, e);
+        let grain = class(&mut scene, 0.5, 1.0);
+        common::scatter(&mut scene, grain, 60, 1.0, &mut Random(seed));
+        let mut growing = Growing {
+            position: scene.bodies.iter().map(|body| body.position).collect(),
+            velocity: scene.bodies.iter().map(|body| body.velocity).collect(),
+            size,
+            rate,
+            e,
+            time: 0.0,
+        };
+        // At time 0 w = dx/dτ = v − γ r: the velocity of the lab in the compressed box.
+        scene.domain.compression = Some(Compression { rates: DVec3::splat(rate) });
+        for body in &mut scene.bodies {
+            body.velocity -= rate * body.position;
+        }
+        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+        let mut log = common::Log::default();
+        for collisions in 1..=100 {
+            let pair = growing.step();
+            simulation.advance(Until { collisions, ..Until::default() }, &mut log).unwrap();
+            let row = log.0.last().unwrap();
+            assert_eq!([row.i, row.j], pair, "{seed}: collision {collisions}");
+            let late = (simulation.time() - growing.projected()).abs();
+            assert!(late < 1e-10, "{seed}: collision {collisions} is {late:e} late");
+        }
+    }
+}
+
+/// Work and mean pressure: with a box that is compressed along one axis −∫ V P : G dt is −a V₀ ∫ P_xx dt.
+#[test]
+fn work_of_a_compression_along_one_axis_is_the_integral_of_the_normal_stress() {
+    for (rates, rough) in [(DVec3::new(0.02, 0.0, 0.0), false), (DVec3::new(0.0, -0.5, 0.0), true)] {
+        let mut scene = gas(6, 0.2, 0.85, 9);
+        if rough {
+            roughen(&mut scene, 0.5, f64::INFINITY);
+        }
+        compress(&mut scene, rates);
+        scene.measure.stress = true;
+        let volume = scene.domain.size.x.powi(3);
+        let axis = usize::from(rough);
+        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+        let mut before = simulation.sample();
+        let mut spans = [0.01, 0.5, 2e-4, 3.0, 0.1, 5.0].into_iter().cycle();
+        for _ in 0..12 {
+            let time = before.time + spans.next().unwrap();
+            simulation.advance(until(time), &mut Silent).unwrap();
+            let sample = simulation.sample();
+            let span = sample.time - before.time;
+            let stress = sample.stress.unwrap().total();
+            let work = sample.ledger.term(Term::DriveWork) - before.ledger.term(Term::DriveWork);
+            let expected = rates[axis] * volume * span * stress[4 * axis];
+            let scale = sample.ledger.term(Term::DriveWork).abs();
+            assert!((work - expected).abs() < 1e-12 * scale + 1e-10 * work.abs(), "{work} {expected}");
+            let trace = (stress[0] + stress[4] + stress[8]) / 3.0;
+            let pressure = sample.pressure.unwrap();
+            assert!((pressure / trace - 1.0).abs() < 1e-9, "{pressure} {trace} {span}");
+            assert!(sample.ledger.residual.abs() < 1e-13, "{:e}", sample.ledger.residual);
+            assert!(sample.momentum.length() < 1e-11, "{}", sample.momentum);
+            before = sample;
+        }
+    }
+}
+
+/// Lists have the trajectory of cells, in dilute and dense boxes.
+#[test]
+fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
+    for (n, packing, rates, e) in [
+        (9, 0.2, DVec3::splat(0.08), 1.0),
+        (9, 0.4, DVec3::splat(0.01), 0.9),
+        (16, 0.3, DVec3::new(0.1, 0.0, 0.0), 0.8),
+        (16, 0.3, DVec3::new(-0.4, 0.1, 0.1), 0.9),
+        (10, 0.45, DVec3::splat(-0.3), 1.0),
+    ] {
+        let mut scene = gas(n, packing, e, 3);
+        compress(&mut scene, rates);
+        let run = |neighbors| {
+            let options = Options { neighbors, ..Options::default() };
+            let mut simulation = Simulation::new(scene.clone(), options).unwrap();
+            assert_eq!(simulation.neighbors(), neighbors);
+            let mut hashes = Vec::new();
+            for collisions in [2_000, 20_000, 60_000] {
+                simulation.advance(Until { collisions, ..Until::default() }, &mut Silent).unwrap();
+                simulation.measure_overlap().unwrap();
+                hashes.push((simulation.state_hash(), simulation.ledger().terms, simulation.time()));
+            }
+            hashes
+        };
+        assert_eq!(run(NeighborChoice::Lists), run(NeighborChoice::Cells), "{rates}");
+    }
+}

@@ -1,0 +1,221 @@
+/*!
+Dense random packings: particles are placed without overlap in a larger box, which is then compressed until it is
+the one that is wanted (Lubachevsky–Stillinger growth, B. D. Lubachevsky, F. H. Stillinger, J. Stat. Phys. 60, 561
+(1990)). They are elastic and move all the time, so that they find their way around each other.
+
+Fast growth jams at a lower packing fraction than slow growth: what jams too early is tried again at a lower rate.
+*/
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use haff_engine::{
+    Body, Boundary, Class, Compression, ConstantVelocity, Contacts, Dimension, Domain, Drive, DriveKind,
+    EngineError, Group, Measure, Options, Silent, Simulation, Stop, System, Until, Wall, WallLaw, WallMotion,
+};
+
+use haff_mechanics::Restitution;
+
+use super::{Room, loose};
+use crate::placement::random::Stream;
+use crate::placement::velocity::{Bath, equilibrate, maxwell};
+
+/// Packing fraction of the larger box, in two and three dimensions: that of a fluid, which forgets how it has been
+/// placed.
+const FLUID: [f64; 2] = [0.65, 0.5];
+/// Growth of the largest diameter in a unit of time by the thermal speed, one after the other.
+const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
+/// Collisions per particle between two looks at the pressure.
+const STEP: u64 = 10;
+/// From this reduced pressure on the packing fraction of jamming follows from it.
+const JAMMING: f64 = 1e3;
+
+/// Growth that has ended too early: the largest packing fraction that was reached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Jammed {
+    pub(crate) packing_fraction: f64,
+}
+
+/// The part of a box that spheres of these radii fill.
+pub(crate) fn packing_fraction(dimension: Dimension, size: DVec3, radius: &[f64]) -> f64 {
+    let d = dimension.count();
+    let volume = |&r: &f64| if d == 2 { PI * r * r } else { 4.0 / 3.0 * PI * r * r * r };
+    radius.iter().map(volume).sum::<f64>() / (0..d).map(|axis| size[axis]).product::<f64>()
+}
+
+/// Centres for spheres of these radii in a box with periodic or walled axes, whatever its packing fraction.
+///
+/// `stream` gives the random numbers of the placement of each particle, `seed` those of velocities. `progress` is
+/// told the part of the growth that is done. The result depends on nothing else.
+///
+/// # Errors
+/// The growth jams before, at every rate.
+pub(crate) fn dense(
+    domain: &Domain,
+    dimension: Dimension,
+    radius: &[f64],
+    seed: u64,
+    stream: impl Fn(usize) -> Stream,
+    progress: &dyn Fn(f64),
+) -> Result<Vec<DVec3>, Jammed> {
+    let wanted = packing_fraction(dimension, domain.size, radius);
+    let start = wanted.min(FLUID[dimension.count() - 2]);
+    let scale = libm::pow(wanted / start, 1.0 / dimension.count() as f64);
+    let mut larger = Domain { shear: None, compression: None, gravity: DVec3::ZERO, ..*domain };
+    for axis in 0..dimension.count() {
+        larger.size[axis] *= scale;
+    }
+    let room = Room { dimension, domain: &larger, planes: &[], obstacles: &[] };
+    let position = loose::random(&room, radius, stream).map_err(|_| Jammed { packing_fraction: 0.0 })?;
+    if scale == 1.0 {
+        return Ok(position);
+    }
+    let mut most: f64 = start;
+    for rate in RATES {
+        match grow(&larger, dimension, radius, &position, rate, scale, seed, progress) {
+            Ok(position) => return Ok(into(domain, dimension, position)),
+            Err(Jammed { packing_fraction }) => most = most.max(packing_fraction),
+        }
+    }
+    Err(Jammed { packing_fraction: most })
+}
+
+/// Compresses the larger box by the factor `scale`. Returns positions by edge.
+#[expect(clippy::too_many_arguments, reason = "the growth as a whole")]
+fn grow(
+    larger: &Domain,
+    dimension: Dimension,
+    radius: &[f64],
+    position: &[DVec3],
+    rate: f64,
+    scale: f64,
+    seed: u64,
+    progress: &dyn Fn(f64),
+) -> Result<Vec<DVec3>, Jammed> {
+    let largest = radius.iter().copied().fold(0.0, f64::max);
+    let gamma = rate / (2.0 * largest);
+    let end = (1.0 - 1.0 / scale) / gamma;
+    let system = system(larger, dimension, radius, position, gamma, seed);
+    let fraction = |time: f64| {
+        let edges = system.domain.edges(time);
+        packing_fraction(dimension, edges, radius)
+    };
+    let (wanted, now) = (fraction(end), |simulation: &Simulation| fraction(simulation.time()));
+    let d = dimension.count() as f64;
+    let failed = |simulation: &Simulation| Jammed { packing_fraction: now(simulation) };
+    let none = |_: EngineError| Jammed { packing_fraction: fraction(0.0) };
+    let mut simulation = Simulation::new(system.clone(), Options::default()).map_err(none)?;
+    let step = (STEP * radius.len() as u64).div_ceil(2);
+    simulation.sample();
+    loop {
+        let collisions = simulation.counters().collisions + step;
+        let until = Until { time: end, collisions, ..Until::default() };
+        match simulation.advance(until, &mut Silent) {
+            Ok(Stop::Time) => break,
+            Ok(Stop::Rest) | Err(_) => return Err(failed(&simulation)),
+            Ok(Stop::Collisions | Stop::Slice) => {}
+        }
+        let sample = simulation.sample();
+        let volume = system.domain.volume(dimension, sample.time);
+        let reduced =
+            sample.pressure.unwrap_or(f64::NAN) * volume / (radius.len() as f64 * sample.temperature);
+        // p = d/(1 − φ/φ_J) near jamming.
+        if reduced > JAMMING && now(&simulation) / (1.0 - d / reduced) < wanted {
+            return Err(failed(&simulation));
+        }
+        progress(simulation.time() / end);
+    }
+    let frame = simulation.frame();
+    let edges = DVec3::new(frame.edges[0].x, frame.edges[1].y, frame.edges[2].z);
+    Ok(frame.position.iter().map(|position| *position / edges).collect())
+}
+
+/// Positions by edge, in a domain.
+fn into(domain: &Domain, dimension: Dimension, mut position: Vec<DVec3>) -> Vec<DVec3> {
+    for position in &mut position {
+        *position *= domain.size;
+        for axis in 0..dimension.count() {
+            // By rounding at the upper face.
+            if domain.boundary[axis] == Boundary::Periodic && position[axis] >= domain.size[axis] {
+                position[axis] -= domain.size[axis];
+            }
+        }
+        if dimension == Dimension::Two {
+            position.z = 0.0;
+        }
+    }
+    position
+}
+
+/// Elastic spheres of mass 1 and temperature 1 in a box that is compressed.
+fn system(
+    larger: &Domain,
+    dimension: Dimension,
+    radius: &[f64],
+    position: &[DVec3],
+    gamma: f64,
+    seed: u64,
+) -> System {
+    let d = dimension.count();
+    let rates = DVec3::from_array([0, 1, 2].map(|axis| if axis < d { gamma } else { 0.0 }));
+    let mut domain = Domain { compression: Some(Compression { rates }), ..*larger };
+    if dimension == Dimension::Two {
+        domain.boundary[2] = Boundary::Open;
+    }
+    let mut velocity: Vec<DVec3> = (0..radius.len()).map(|i| maxwell(seed, "", i, 1.0, dimension)).collect();
+    let bath = Bath { temperature: 1.0, members: (0..radius.len()).collect() };
+    equilibrate(&mut velocity, &vec![1.0; radius.len()], &[bath], dimension);
+    let mut classes: Vec<Class> = Vec::new();
+    let mut class_of = std::collections::BTreeMap::new();
+    let mut class = |radius: f64| {
+        *class_of.entry(radius.to_bits()).or_insert_with(|| {
+            classes.push(Class { radius, mass: 1.0, group: 0 });
+            classes.len() as u32 - 1
+        })
+    };
+    let is_periodic = |axis: usize| domain.boundary[axis] == Boundary::Periodic;
+    let flow = DVec3::from_array([0, 1, 2].map(|axis| if is_periodic(axis) { -rates[axis] } else { 0.0 }));
+    let bodies: Vec<Body> = position
+        .iter()
+        .zip(&velocity)
+        .zip(radius)
+        .map(|((&position, &velocity), &radius)| Body {
+            position,
+            velocity: velocity + flow * position,
+            image: [0; 3],
+            class: class(radius),
+            species: 0,
+        })
+        .collect();
+    let mut walls = Vec::new();
+    for axis in (0..d).filter(|&axis| domain.boundary[axis] == Boundary::Wall) {
+        let normal = DVec3::AXES[axis];
+        let edge = normal * domain.size[axis];
+        let moving = WallMotion::Constant(ConstantVelocity { velocity: -gamma * edge, reference_time: 0.0 });
+        for (point, normal, motion) in [(DVec3::ZERO, normal, WallMotion::Fixed), (edge, -normal, moving)] {
+            walls.push(Wall { name: String::new(), point, normal, motion, shape: None });
+        }
+    }
+    let elastic = Restitution::Constant(1.0);
+    // The same for every rate: heating by a hundredth of the growth at first.
+    let kind = DriveKind::Hold { temperature: 1.0, longest: 0.01 / gamma };
+    System {
+        dimension,
+        domain,
+        bodies,
+        classes,
+        groups: vec![Group { name: "grain".to_owned() }],
+        species: vec!["grain".to_owned()],
+        contacts: Contacts {
+            pair: vec![elastic],
+            wall: walls.iter().map(|_| WallLaw::Restitution(elastic)).collect(),
+            tc: 0.0,
+            rest_speed: 0.0,
+        },
+        walls,
+        spin: None,
+        drives: vec![Drive { kind, species: vec![0] }],
+        seed,
+        measure: Measure::default(),
+    }
+}

@@ -1,0 +1,106 @@
+//! Boxes that are compressed and growth: how runs end, and what is told of it.
+
+mod common;
+
+use common::Haff;
+use serde_json::Value;
+
+/// 100 spheres in a periodic cube at a packing fraction of 0.1, which grow.
+const GROWTH: &str = r#"
+[domain]
+packing_fraction = 0.1
+[[species]]
+name = "grain"
+count = 100
+radius = 0.5
+mass = 1.0
+[growth]
+rate = 0.05
+temperature = 1.0
+"#;
+
+#[test]
+fn growth_ends_on_a_packing_fraction_at_once_and_resumed() {
+    let haff = Haff::new();
+    let scene = haff.write("grow.toml", &format!("{GROWTH}until_packing_fraction = 0.12\n"));
+    let report = haff.report(&["run", &scene, "-o", "grown.h5"]);
+    assert_eq!(report["stopped"], "packing_fraction");
+    let expected = (1.0 - (0.1_f64 / 0.12).cbrt()) / 0.05;
+    let time = report["simulated_time"].as_f64().unwrap();
+    assert!((time / expected - 1.0).abs() < 1e-13, "at {time}, not {expected}");
+    let mut parts = haff.report(&["run", &scene, "-o", "parts.h5", "--set", "run.wall_time=1e-9"]);
+    assert_eq!(parts["stopped"], "wall_time");
+    while parts["stopped"] == "wall_time" {
+        parts = haff.report(&["run", "--resume", "parts.h5"]);
+    }
+    for key in ["stopped", "simulated_time", "state_hash"] {
+        assert_eq!(parts[key], report[key], "{key}");
+    }
+    let (status, _, err) = haff.run(&["run", "--resume", "grown.h5", "-o", "more.h5"]);
+    assert!(status == 2 && err.contains("growth.until_packing_fraction: the run is there"), "{err}");
+    // An earlier end comes first.
+    assert_eq!(haff.report(&["run", &scene, "--set", "run.until=0.1"])["stopped"], "until");
+    let (_, _, err) = haff.run(&["run", &scene]);
+    assert!(err.contains("reached growth.until_packing_fraction"), "{err}");
+}
+
+#[test]
+fn growth_ends_on_a_reduced_pressure_with_samples_and_without() {
+    let haff = Haff::new();
+    let scene = haff.write("press.toml", &format!("{GROWTH}until_reduced_pressure = 1.3\n"));
+    let every = "output.observables=1.0";
+    let report = haff.report(&["run", &scene, "--set", every]);
+    assert_eq!(report["stopped"], "reduced_pressure");
+    let time = report["simulated_time"].as_f64().unwrap();
+    assert_eq!(time, time.round(), "at a sample");
+    let recorded =
+        haff.report(&["run", &scene, "--set", every, "--set", "output.frames=1.0", "-o", "press.h5"]);
+    for key in ["stopped", "simulated_time", "state_hash"] {
+        assert_eq!(recorded[key], report[key], "{key}");
+    }
+    // At every 0.01/γ = 0.2.
+    let report = haff.report(&["run", &scene, "--set", "output.observables=false"]);
+    let tests = report["simulated_time"].as_f64().unwrap() / 0.2;
+    assert!((tests - tests.round()).abs() < 1e-9 && report["stopped"] == "reduced_pressure", "{tests}");
+}
+
+#[test]
+fn check_tells_what_becomes_of_the_box() {
+    let haff = Haff::new();
+    let scene = haff.write("grow.toml", &format!("{GROWTH}until_packing_fraction = 0.12\n"));
+    let (status, out, err) = haff.run(&["check", &scene]);
+    assert_eq!(status, 0, "{err}");
+    assert!(
+        out.contains("\ndeformation         edges 7.58")
+            && out.contains(", packing fraction 0.12 at the end, t = 1.179"),
+        "{out}"
+    );
+    let json: Value = serde_json::from_str(&haff.run(&["check", &scene, "--json"]).1).unwrap();
+    let fraction = json["deformation"]["packing_fraction"].as_f64().unwrap();
+    assert!((fraction - 0.12).abs() < 1e-14, "{fraction}");
+    let press = haff.write("press.toml", &format!("{GROWTH}until_reduced_pressure = 1e6\n"));
+    let (_, out, _) = haff.run(&["check", &press]);
+    assert!(out.contains("packing fraction 0.74048 at most, at t = 9.7389"), "{out}");
+}
+
+#[test]
+fn a_collapse_in_a_box_that_becomes_smaller_is_a_jam() {
+    let haff = Haff::new();
+    let scene = haff.write(
+        "jam.toml",
+        r#"
+dimension = 2
+contact.restitution = 0.5
+growth = { rate = 0.1, until_reduced_pressure = 1e30 }
+engine.neighbors = "cells"
+domain = { size = [4.0, 4.0], boundary = ["wall", "wall"] }
+species = [{ name = "disk", count = 5, radius = 0.5, mass = 1.0 }]
+"#,
+    );
+    let (status, out, err) = haff.run(&["run", &scene, "--json"]);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((status, &report["stopped"]), (3, &Value::from("collapse")), "{err}");
+    for text in [&err, report["error"].as_str().unwrap()] {
+        assert!(text.contains("jammed at φ = 0.") && text.contains(", reduced pressure "), "{text}");
+    }
+}
