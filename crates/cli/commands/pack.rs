@@ -31,8 +31,8 @@ const FAST_UP_TO: [f64; 2] = [0.82, 0.62];
 const JAMMING: f64 = 0.03;
 /// Frames of a run.
 const FRAMES: f64 = 10.0;
-/// Rows of observables of a growth to a stated packing fraction.
-const ROWS: f64 = 100.0;
+/// Rows of observables of a growth to a stated packing fraction: the last interval is not empty.
+const ROWS: f64 = 99.5;
 
 /// Makes a packing. `logs`: log messages go to standard error, so no progress bar is drawn there.
 pub fn pack(options: &Pack, logs: bool) -> Result<u8, Failure> {
@@ -111,8 +111,8 @@ fn text(options: &Pack) -> Result<String, Failure> {
     let part = 1.0 - (start / options.packing_fraction.unwrap_or(densest)).powf(1.0 / (d as f64 + 2.0));
     let long = part / rate;
     let mut text = String::new();
-    let rows =
-        if options.packing_fraction.is_some() { format!("{:?}", long / ROWS) } else { "false".to_owned() };
+    // Towards jamming rows follow the collisions.
+    let rows = if options.packing_fraction.is_some() { long / ROWS } else { long };
     // Writing to a string does not fail.
     let _ = write!(
         text,
@@ -139,7 +139,7 @@ fn text(options: &Pack) -> Result<String, Failure> {
          {end}\n\n\
          [output]\n\
          frames = {:?}\n\
-         observables = {rows}\n",
+         observables = {rows:?}\n",
         options.seed,
         options.dimension,
         options.count,

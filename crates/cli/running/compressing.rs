@@ -44,8 +44,12 @@ impl Compressed {
             .then(|| self.packing_fraction / (1.0 - self.dimension / self.reduced_pressure))
     }
 
-    /// Why a growth ends at this sample.
-    pub fn end(&self, growth: &GrowthRun) -> Option<Grown> {
+    /// Why a growth ends at this sample, after so many collisions.
+    pub fn end(&self, growth: &GrowthRun, collisions: u64) -> Option<Grown> {
+        // Particles that have been pushed apart at the start nearly touch each other.
+        if collisions <= FIRST * growth.step {
+            return None;
+        }
         match growth.end? {
             GrowthEnd::ReducedPressure(pressure) => {
                 (self.reduced_pressure >= pressure).then_some(Grown::ReducedPressure)
@@ -66,6 +70,8 @@ pub enum Grown {
     Jammed { wanted: f64 },
 }
 
+/// Steps of a growth before its pressure counts.
+const FIRST: u64 = 5;
 /// Reduced pressure from which on the packing fraction of jamming follows from it.
 const JAMMING: f64 = 1e3;
 

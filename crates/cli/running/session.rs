@@ -346,7 +346,7 @@ impl Session<'_> {
     /// How a growth ends at the last sample, if it does.
     fn grown(&self) -> Option<Ending> {
         let (growth, last) = (self.run.growth.as_ref()?, self.compressed?);
-        Some(match last.end(growth)? {
+        Some(match last.end(growth, self.simulation.counters().collisions)? {
             Grown::ReducedPressure => Ending::ReducedPressure,
             Grown::Jammed { wanted } => Ending::Jammed(format!(
                 "{last}, below growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later"

@@ -196,10 +196,11 @@ fn work_of_a_compression_along_one_axis_is_the_integral_of_the_normal_stress() {
     }
 }
 
-/// Lists have the trajectory of cells, in dilute and dense boxes.
+/// Lists and windows have the trajectory of cells, in dilute and dense boxes.
 #[test]
 fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
     for (n, packing, rates, e) in [
+        (12, 0.02, DVec3::splat(0.01), 0.9),
         (9, 0.2, DVec3::splat(0.08), 1.0),
         (9, 0.4, DVec3::splat(0.01), 0.9),
         (16, 0.3, DVec3::new(0.1, 0.0, 0.0), 0.8),
@@ -220,6 +221,8 @@ fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
             }
             hashes
         };
-        assert_eq!(run(NeighborChoice::Lists), run(NeighborChoice::Cells), "{rates}");
+        let cells = run(NeighborChoice::Cells);
+        assert_eq!(run(NeighborChoice::Lists), cells, "{rates}");
+        assert_eq!(run(NeighborChoice::Windows), cells, "{rates}");
     }
 }

@@ -15,7 +15,7 @@
 //! `DEFORMS` is a feature that engines are compiled for. Cells move with the box
 //! (`neighbors::DeformingCells`); under shear they are rows that move with the flow: all particles get new
 //! neighbors when rows have moved by one cell. Searches are made again when an edge has changed by a twentieth.
-//! Windows use coordinates that deform with the flow and repeat with the box (`search/windows/shear`): filters
+//! Windows use coordinates that deform with the flow and repeat with the box (`search/windows/moving`): filters
 //! add the tilt to differences, and cells know paths by their chords.
 
 use glam::DVec3;

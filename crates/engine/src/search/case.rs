@@ -7,8 +7,6 @@ use crate::{model::System, state::world::World};
 
 /// Why windows cannot run systems whose grains may come to rest.
 pub(crate) const MAY_SETTLE: &str = "grains may come to rest on each other (contact.rest_speed)";
-/// Why lists cannot run systems whose images move.
-pub(crate) const MOVING_IMAGES: &str = "images of a box that deforms move";
 
 /// A system and a state of it.
 #[derive(Clone, Copy)]

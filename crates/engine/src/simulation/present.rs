@@ -8,7 +8,7 @@ use crate::{
         frame, sample, take_flights,
         totals::{self, Totals},
     },
-    model::{NeighborChoice, System},
+    model::{Boundary, NeighborChoice, System},
     motion::flights,
     numerics::error::EngineError,
     report::{BlockCounts, Correlation, Counters, Frame, Sample, Silent, ledger::Ledger},
@@ -29,12 +29,20 @@ impl Simulation {
 
     /// All particles now, in the order of the system.
     pub fn frame(&self) -> Frame {
-        frame::frame(&self.state, self.time())
+        let mut frame = frame::frame(&self.state, self.time());
+        frame.edges = self.edges();
+        frame
     }
 
     /// Edge vectors of the box now, as in [`Frame::edges`].
     pub fn edges(&self) -> [DVec3; 3] {
-        self.state.world.edges(self.state.world.now)
+        let mut edges = self.state.world.edges(self.state.world.now);
+        // Walls move with their edges.
+        let walled = |&axis: &usize| self.system.domain.boundary[axis] == Boundary::Wall;
+        for axis in (0..3).filter(walled) {
+            edges[axis][axis] = self.system.domain.edges(self.time())[axis];
+        }
+        edges
     }
 
     /// One row of observables. Pressure and rates are averages since the previous call.

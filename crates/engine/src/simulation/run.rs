@@ -204,6 +204,7 @@ impl Simulation {
     /// Whether particles in a box that expands hardly move relative to each other any more. No search tells this:
     /// some have nothing to do earlier than others.
     fn is_frozen(&self) -> bool {
+        /// Of an edge, which becomes longer and longer.
         const PATH: f64 = 1e-9;
         let world = &self.state.world;
         let Some(images) = world.boundary.deformation.filter(|images| images.stretches()) else {
@@ -212,7 +213,8 @@ impl Simulation {
         let speeds = (0..world.particles.len() as u32)
             .map(|i| world.peculiar(i, world.now).1.abs())
             .fold(DVec3::ZERO, DVec3::max);
-        images.path_left(speeds, world.clock.time(world.now)) < PATH * self.choice.summary.least
+        let time = world.clock.time(world.now);
+        images.path_left(speeds, time) < PATH * images.edges(time).min_element()
     }
 
     /// Makes the search again for the present edges of a box that deforms.

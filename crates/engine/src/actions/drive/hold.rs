@@ -8,7 +8,7 @@ use crate::{actions::timed::TimedAction, numerics::error::EngineError, report::O
 use super::{driven::Driven, rescale::rescale};
 
 /// Change of the temperature between two actions, as its logarithm, that the intervals aim at.
-const CHANGE: f64 = 0.4;
+const CHANGE: f64 = 0.2;
 /// Factors by which an interval can differ from the one before.
 const FACTORS: (f64, f64) = (0.25, 2.0);
 

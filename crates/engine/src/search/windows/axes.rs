@@ -36,13 +36,22 @@ const MAX_CELLS: i64 = 1 << 27;
 /// coordinate for the largest number of cells, see [`super::axes`].
 pub(super) const SLACK: f32 = 2e-3;
 
-/// The tilt of a window in a sheared box, as filters and cells read it; zero without shear.
-#[derive(Debug, Clone, Copy, Default)]
+/// How the coordinates of a window deform, as filters and cells read it.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Tilt {
     /// k, at the start of the window.
     pub start: f32,
     /// g.
     pub change: f32,
+    /// g along each axis under compression, and 1/(1 + g).
+    pub stretch: [f32; 3],
+    pub end: [f32; 3],
+}
+
+impl Default for Tilt {
+    fn default() -> Self {
+        Self { start: 0.0, change: 0.0, stretch: [0.0; 3], end: [1.0; 3] }
+    }
 }
 
 impl Tilt {
@@ -50,7 +59,11 @@ impl Tilt {
     /// for the whole window.
     #[inline(always)]
     pub fn chord(self, mut v: [f32; 3], from: f32) -> [f32; 3] {
-        v[0] -= self.change * v[1] * (1.0 + from);
+        let across = v[1];
+        for axis in 0..3 {
+            v[axis] *= self.end[axis] / (1.0 + self.stretch[axis] * from);
+        }
+        v[0] -= self.change * across * (1.0 + from);
         v
     }
 }
@@ -78,7 +91,7 @@ pub(super) struct Axes {
     /// [cells].
     pub reach: [f32; 4],
     pub slack: [f32; 4],
-    /// The tilt of the window in a sheared box.
+    /// The tilt of the window in a box that deforms.
     pub tilt: Tilt,
     /// Limits of grid coordinates [cells]: the edges along a bounded axis, and one period beyond the edges
     /// along a periodic or folded one, so that the conversion to integers is defined and one addition folds a
@@ -171,6 +184,16 @@ impl Axes {
         }
         (axes.reach, axes.slack) = (axes.cells, [SLACK; 4]);
         axes
+    }
+
+    /// Sets the edge of a periodic axis \[length\]: coordinates are parts of it.
+    pub fn set_edge(&mut self, axis: usize, edge: f64) {
+        let folds = f64::from(1_u32 << self.fold[axis]);
+        self.per_length[axis] = range(true) / edge;
+        self.unit[axis] = (edge / range(true)) as f32;
+        self.period[axis] = edge / folds;
+        self.cells[axis] = (f64::from(self.n[axis]) * folds / edge) as f32;
+        self.reach[axis] = self.cells[axis];
     }
 
     /// Extends searches along an axis by the factor `stretch` and by `distance` [length].

@@ -180,9 +180,12 @@ fn passes<F: Features>(other: &CompactParticle, axes: &Axes, query: &WindowQuery
         v[axis] = other.v[axis] - own.v[axis];
     }
     if F::DEFORMS {
-        let Tilt { start, change } = axes.tilt;
+        let Tilt { start, change, stretch, .. } = axes.tilt;
         r[0] += start * r[1];
         v[0] += start * v[1] + change * r[1];
+        for axis in 0..3 {
+            v[axis] += stretch[axis] * r[axis];
+        }
     }
     let (mut b, mut rr, mut vv) = (0.0, 0.0, 0.0);
     for axis in 0..3 {
@@ -236,7 +239,8 @@ mod avx2 {
             masks.resize(2 * vectors + LANES, 0);
         }
         let unit = axes.unit.map(|unit| _mm256_set1_ps(unit));
-        let tilt = [axes.tilt.start, axes.tilt.change].map(|tilt| _mm256_set1_ps(tilt));
+        let [a, b, c] = axes.tilt.stretch;
+        let tilt = [axes.tilt.start, axes.tilt.change, a, b, c].map(|tilt| _mm256_set1_ps(tilt));
         let owner = &candidates.owner[..vectors];
         let start = particles.start();
         for ((slots, &owner), mask) in
@@ -258,7 +262,7 @@ mod avx2 {
     fn test<F: Features>(
         others: &Eight,
         unit: [__m256; 3],
-        tilt: [__m256; 2],
+        tilt: [__m256; 5],
         query: &WindowQuery,
         slots: &[u32],
     ) -> u8 {
@@ -269,12 +273,15 @@ mod avx2 {
         };
         let (mut x, y, z) = (difference(0), difference(1), difference(2));
         let mut u = _mm256_sub_ps(others.v[0], _mm256_set1_ps(own.v[0]));
-        let v = _mm256_sub_ps(others.v[1], _mm256_set1_ps(own.v[1]));
-        let w = _mm256_sub_ps(others.v[2], _mm256_set1_ps(own.v[2]));
+        let mut v = _mm256_sub_ps(others.v[1], _mm256_set1_ps(own.v[1]));
+        let mut w = _mm256_sub_ps(others.v[2], _mm256_set1_ps(own.v[2]));
         if F::DEFORMS {
-            let [start, change] = tilt;
+            let [start, change, a, b, c] = tilt;
             x = _mm256_fmadd_ps(start, y, x);
             u = _mm256_fmadd_ps(change, y, _mm256_fmadd_ps(start, v, u));
+            u = _mm256_fmadd_ps(a, x, u);
+            v = _mm256_fmadd_ps(b, y, v);
+            w = _mm256_fmadd_ps(c, z, w);
         }
         let sigma = if F::UNIFORM {
             _mm256_set1_ps(own.radius + own.radius)

@@ -18,8 +18,8 @@ use super::{
     axes::{self, MAX_WINDOWS},
     cells::Cells,
     filter::{MAX_DISPLACEMENT, SHORT_DISPLACEMENT, Scratch, margin},
+    moving::LARGEST_CHANGE,
     scheduler::{SEARCHES, SEARCHES_PER_PARTICLE, Windows},
-    shear::LARGEST_CHANGE,
     space::{Fall, Space, TASK},
     tune::Work,
     window_event::WindowEvent,
@@ -45,10 +45,10 @@ impl<F: Features> Windows<F> {
             self.worker.space.cells = Cells::default();
             self.worker.space.cells = Cells::new(&self.geometry, width * self.spacing, count);
         }
-        if let Some(frame) = &mut self.worker.shear {
-            frame.start(world, world.now, 0.0);
+        if let Some(frame) = &mut self.worker.moving {
+            frame.start(world, world.now, 0.0, &mut self.worker.space.cells.axes);
         }
-        let shear = self.worker.shear;
+        let moving = self.worker.moving;
         // Summed in fixed blocks, so that the rounding does not depend on the number of threads.
         let blocks: Vec<(f64, f64)> = world
             .particles
@@ -58,7 +58,7 @@ impl<F: Features> Windows<F> {
                 let squares = block.iter().map(|particle| {
                     let mut velocity = particle.velocity;
                     if F::DEFORMS
-                        && let Some(frame) = &shear
+                        && let Some(frame) = &moving
                     {
                         let age = (world.now - particle.time) as f64 * world.clock.tick;
                         return frame.square_speed(particle.position + velocity * age, velocity);
@@ -89,15 +89,17 @@ impl<F: Features> Windows<F> {
                 axes::rounding(self.geometry.size[axis], periodic, self.smallest_radius)
             })
             .fold(0.0, f64::max);
-        // Differences along the flow count with the tilt and its change, see `shear`.
-        let tilt = shear.map_or(0.0, |frame| frame.largest_tilt() + LARGEST_CHANGE);
+        // Differences along the flow count with the tilt and its change, see `moving`.
+        let tilt = moving.map_or(0.0, |frame| frame.largest_tilt() + LARGEST_CHANGE);
         let rounding = rounding * (1.0 + tilt);
         let largest_contact = self.largest_contact * f64::from(margin(MAX_DISPLACEMENT, rounding));
         let limit = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
-                Axis::Periodic if F::DEFORMS && axis == 0 => {
-                    0.5 * (NEAREST * self.geometry.size[axis] - largest_contact * (1.0 + tilt))
-                        / (1.0 + 2.0 * tilt)
+                Axis::Periodic if F::DEFORMS => {
+                    let tilt = if axis == 0 { tilt } else { 0.0 };
+                    let shortest = moving.map_or(1.0, |frame| frame.shortest());
+                    let contact = largest_contact * (1.0 + tilt) / shortest;
+                    0.5 * (NEAREST * shortest * self.geometry.size[axis] - contact) / (1.0 + 2.0 * tilt)
                 }
                 // The relative displacement of two particles is up to twice that of one.
                 Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - largest_contact),
@@ -113,7 +115,7 @@ impl<F: Features> Windows<F> {
         // divided by the length of a window. That window must be short enough for this speed, too.
         let speed_gain = if F::GRAVITY { self.worker.gravity.length() * (windows + 1) as f64 } else { 0.0 };
         let longest = longest_step(limit, HEADROOM * fastest, speed_gain);
-        let longest = shear.map_or(longest, |frame| longest.min(frame.longest()));
+        let longest = moving.map_or(longest, |frame| longest.min(frame.longest()));
         let step = (path * self.spacing / mean).min(longest);
         // The length is clamped because a system without motion allows windows of any length.
         let ticks = (step * world.clock.per_time).clamp(1.0, LONGEST_SPAN) as i64;
@@ -130,7 +132,7 @@ impl<F: Features> Windows<F> {
         // Without the displacement that falling adds up to the last window.
         self.worker.max_displacement = (limit - speed_gain * self.worker.step * self.worker.step) as f32;
         let margin = margin(limit / contact * (1.0 + tilt), rounding);
-        if let Some(frame) = &shear {
+        if let Some(frame) = &moving {
             frame.tilt(&mut self.worker.space.cells.axes, self.worker.step, limit);
         }
         self.worker.space.common_radius = self.smallest_radius as f32 * margin;
@@ -143,11 +145,11 @@ impl<F: Features> Windows<F> {
     fn fill(&mut self, world: &World, margin: f32) {
         let count = world.particles.len();
         let Space { cells, particles, lowest, rows, ids, anchors, .. } = &mut self.worker.space;
-        let (axes, step, shear) = (cells.axes, self.worker.step, self.worker.shear);
+        let (axes, step, moving) = (cells.axes, self.worker.step, self.worker.moving);
         let compact = |i: u32| {
             let (position, velocity) = world.flight::<F>(i, world.now);
             if F::DEFORMS
-                && let Some(frame) = &shear
+                && let Some(frame) = &moving
             {
                 let flight = frame.flight(position, velocity, 0.0, step);
                 return CompactParticle {
@@ -233,7 +235,7 @@ impl<F: Features> Windows<F> {
             self.worker.space.end += ticks;
             let fall = self.fall();
             self.worker.space.stream(self.kernel, fall);
-            if F::DEFORMS && !self.continue_shear(&state.world) {
+            if F::DEFORMS && !self.continue_moving(&state.world) {
                 self.start_from_anchors(&state.world);
             }
         }
@@ -242,10 +244,10 @@ impl<F: Features> Windows<F> {
 
     /// Sets the tilt of a window that follows another one. Returns false if a particle has become too fast,
     /// relative to the flow at its place.
-    fn continue_shear(&mut self, world: &World) -> bool {
-        let Worker { space, shear, begin, step, max_displacement, .. } = &mut self.worker;
-        let Some(frame) = shear else { return true };
-        let turns = frame.start(world, *begin, *step);
+    fn continue_moving(&mut self, world: &World) -> bool {
+        let Worker { space, moving, begin, step, max_displacement, .. } = &mut self.worker;
+        let Some(frame) = moving else { return true };
+        let turns = frame.start(world, *begin, *step, &mut space.cells.axes);
         if turns != 0 {
             space.reduce_tilt(turns, frame.ratio);
         }

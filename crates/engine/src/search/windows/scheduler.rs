@@ -11,7 +11,7 @@ use crate::{
     search::{
         batch::Kernel,
         blocks,
-        case::{Case, MAY_SETTLE, MOVING_IMAGES, Reason},
+        case::{Case, MAY_SETTLE, Reason},
         compact::NEAREST,
         event_loop::{Limit, Next, Scheduler},
         planes::Planes,
@@ -23,7 +23,7 @@ use crate::{
 
 use super::{
     filter::MAX_DISPLACEMENT,
-    shear,
+    moving::{self, MovingFrame},
     steps::Steps,
     tune::{Tuner, Work},
     window_event::{Contact, WindowEvent},
@@ -98,9 +98,6 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
     if system.domain.gravity != DVec3::ZERO && !summary.movable {
         return Err(Reason::new("there are gravity and bodies of infinite mass, which do not fall"));
     }
-    if world.boundary.deformation.is_some_and(|images| images.stretches()) {
-        return Err(Reason::new(MOVING_IMAGES));
-    }
     can_run_shear(system, summary)?;
     for axis in 0..axes {
         let edge = system.domain.size[axis];
@@ -134,13 +131,13 @@ fn can_run_shear(system: &System, summary: &SystemSummary) -> Result<(), Reason>
     let Some(shear) = system.domain.shear else { return Ok(()) };
     let size = system.domain.size;
     let ratio = size[shear.flow] / size[shear.gradient];
-    if ratio > shear::LARGEST_RATIO {
+    if ratio > moving::LARGEST_RATIO {
         return Err(Reason::new(format!(
             "the edge along the flow is {ratio} times that along the gradient, more than {}",
-            shear::LARGEST_RATIO
+            moving::LARGEST_RATIO
         )));
     }
-    let widened = 1.0 + 0.5 * ratio + 2.0 * shear::LARGEST_CHANGE;
+    let widened = 1.0 + 0.5 * ratio + 2.0 * moving::LARGEST_CHANGE;
     if NEAREST * size[shear.flow] < 1.25 * widened * summary.contact {
         return Err(Reason::new(format!(
             "the edge along the flow, {}, is too short for images that are displaced",
@@ -168,7 +165,7 @@ pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &
     };
     // In a sheared box both the distance and the displacement along the flow count with the tilt.
     let widened = system.domain.shear.map_or(0.0, |shear| {
-        1.0 + system.domain.size[shear.flow] / system.domain.size[shear.gradient] + shear::LARGEST_CHANGE
+        1.0 + system.domain.size[shear.flow] / system.domain.size[shear.gradient] + moving::LARGEST_CHANGE
     });
     let allows_shear = system.domain.shear.is_none_or(|shear| {
         0.5 * NEAREST * system.domain.size[shear.flow] >= widened * (displacement + 0.5 * summary.contact)
@@ -191,12 +188,12 @@ impl<F: Features> Windows<F> {
         blocks: Option<u16>,
     ) -> Self {
         let count = summary.count;
-        let shear = shear::ShearedFrame::of(system);
+        let moving = MovingFrame::of(system);
         let mut worker = Worker::new(system.domain.gravity, count);
-        worker.shear = shear;
+        worker.moving = moving;
         Self {
             kernel,
-            geometry: match &shear {
+            geometry: match &moving {
                 Some(frame) => frame.ordered(geometry),
                 None => geometry.clone(),
             },

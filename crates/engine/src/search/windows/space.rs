@@ -330,6 +330,10 @@ fn stream<F: Features>(axes: &Axes, fall: Fall, particles: &mut [CompactParticle
         if F::DEFORMS {
             // The velocity relative to the flow and the tilt have changed, both along the flow.
             compact.v[0] -= 2.0 * axes.tilt.change * compact.v[1];
+            // c (1 + a t) is constant.
+            for axis in 0..3 {
+                compact.v[axis] *= axes.tilt.end[axis];
+            }
         }
         compact.count = 0;
         for axis in 0..3 {

@@ -16,7 +16,7 @@ use crate::{
 use super::{
     cells::{Cells, NearestCells},
     filter::{Scratch, WindowQuery},
-    shear::ShearedFrame,
+    moving::MovingFrame,
     space::Space,
     window_event::WindowEvent,
 };
@@ -34,8 +34,8 @@ const RING: usize = 5;
 pub(super) struct Worker<F> {
     /// Acceleration of all particles [length/time²].
     pub gravity: DVec3,
-    /// The frame of a sheared box.
-    pub shear: Option<ShearedFrame>,
+    /// The frame of a box that deforms.
+    pub moving: Option<MovingFrame>,
     pub space: Space<F>,
     /// Slot of each particle.
     pub slot_of: Array<u32>,
@@ -66,7 +66,7 @@ impl<F: Features> Worker<F> {
         }
         Self {
             gravity,
-            shear: None,
+            moving: None,
             space: Space {
                 cells: Cells::default(),
                 particles: Array::default(),
@@ -203,7 +203,7 @@ impl<F: Features> Worker<F> {
         let axes = &self.space.cells.axes;
         let mut displacement = axes.displacement(v, from);
         if F::DEFORMS
-            && let Some(frame) = &self.shear
+            && let Some(frame) = &self.moving
         {
             let elapsed = (particle.time - self.begin) as f64 * world.clock.tick;
             let flight = frame.flight(particle.position, particle.velocity, elapsed, self.step);

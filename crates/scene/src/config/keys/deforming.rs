@@ -26,7 +26,7 @@ pub struct GrowthConfig {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate: Option<f64>,
     /// Temperature to which velocities are rescaled, at every hundredth of 1/γ and before it has changed by more than
-    /// about a half \[energy\]. Default: they are
+    /// about a fifth \[energy\]. Default: they are
     /// not rescaled, and growth heats.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub temperature: Option<f64>,

@@ -27,6 +27,8 @@ const FLUID: [f64; 2] = [0.65, 0.5];
 const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
 /// Collisions per particle between two looks at the pressure.
 const STEP: u64 = 10;
+/// Looks before the first that counts: particles that have been pushed apart nearly touch at the start.
+const FIRST: u64 = 5;
 /// From this reduced pressure on the packing fraction of jamming follows from it.
 const JAMMING: f64 = 1e3;
 
@@ -120,7 +122,8 @@ fn grow(
         let reduced =
             sample.pressure.unwrap_or(f64::NAN) * volume / (radius.len() as f64 * sample.temperature);
         // p = d/(1 − φ/φ_J) near jamming.
-        if reduced > JAMMING && now(&simulation) / (1.0 - d / reduced) < wanted {
+        let settled = simulation.counters().collisions > FIRST * step;
+        if settled && reduced > JAMMING && now(&simulation) / (1.0 - d / reduced) < wanted {
             return Err(failed(&simulation));
         }
         progress(simulation.time() / end);

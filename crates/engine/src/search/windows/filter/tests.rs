@@ -24,7 +24,8 @@ use super::*;
 const EDGE: f64 = 2048.0;
 
 /// The tilt of a window in a sheared box.
-const TILT: Tilt = Tilt { start: 0.45, change: -0.2 };
+const TILT: Tilt =
+    Tilt { start: 0.45, change: -0.2, stretch: [-0.04, 0.0, 0.03], end: [1.0 / 0.96, 1.0, 1.0 / 1.03] };
 /// Factor of displacements and coordinates by which windows in a sheared cube widen their margin.
 const WIDENED: f64 = 2.0;
 
@@ -112,7 +113,8 @@ impl Pair {
         let (k, g) = (f64::from(cells.axes.tilt.start), f64::from(cells.axes.tilt.change));
         let tilted = |x: DVec3| x - DVec3::X * (k * x.y);
         let own = compact(tilted(position), tilted(v), share * self.sigma);
-        let relative_to_flow = v + self.v - DVec3::X * (g * self.r.y);
+        let stretch = DVec3::from_array(cells.axes.tilt.stretch.map(f64::from));
+        let relative_to_flow = v + self.v - DVec3::X * (g * self.r.y) - stretch * self.r;
         let other = compact(tilted(position + self.r), tilted(relative_to_flow), (1.0 - share) * self.sigma);
         (WindowQuery { slot: 0, compact: own, start: own.x, from: self.from as f32 }, other)
     }
