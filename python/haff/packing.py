@@ -37,6 +37,8 @@ __all__ = ["Packing", "open_packing"]
 
 REACH = 5.0
 """Default of the largest distance of g(r) [mean diameters]."""
+JAMMED = 1e6
+"""Reduced pressure from which on a packing counts as jammed: its gaps are a millionth of its particles."""
 
 
 def open_packing(path: str | os.PathLike[str]) -> Packing:
@@ -137,9 +139,13 @@ class Packing(ReadOnly):
     def status(self) -> str:
         """Why the run ended: ``"packing_fraction"``, ``"reduced_pressure"``, ``"jammed"``, ``"until"``, …
 
-        ``"unfinished"`` if it has not ended yet, or was killed.
+        ``"jammed"`` is also a growth that has ended at a reduced pressure of 10⁶ or more. ``"unfinished"`` if it has
+        not ended yet, or was killed.
         """
         stopped = self._summary.get("stopped")
+        wanted = self.file.scene.get("growth", {}).get("until_reduced_pressure", 0.0)
+        if stopped == "reduced_pressure" and wanted >= JAMMED:
+            return "jammed"
         return stopped if isinstance(stopped, str) else "unfinished"
 
     @property
@@ -205,18 +211,14 @@ class Packing(ReadOnly):
     def jamming_fraction(self) -> JammingFit:
         """φ_J by the divergence of the pressure in the run; see :func:`haff.analysis.jamming_fraction`.
 
-        A pressure is the mean over the interval before its sample, so φ is taken at the middle of the interval.
-        Raises :class:`MissingDataError` if the file has no samples of ``pressure``, ``temperature``,
-        ``packing_fraction`` and ``box_volume``.
+        Pressures are those of :func:`haff.analysis.reduced_pressures`, means over intervals, so φ is that of the
+        middle of the interval. Raises :class:`MissingDataError` if the file has no samples of ``pressure``,
+        ``temperature`` and ``packing_fraction``.
         """
-        samples = self.file.samples
-        needed = ("pressure", "temperature", "packing_fraction", "box_volume")
-        if missing := [name for name in needed if name not in samples]:
-            raise MissingDataError(f"{self.path}: no samples of {', '.join(missing)}")
-        P, T, phi, V = (np.asarray(samples[name], float) for name in needed)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            p = P * V / (len(self.radii) * T)
-        return analysis.jamming_fraction((phi[1:] + phi[:-1]) / 2, p[1:], self.dimension)
+        found = analysis.reduced_pressures(self.file)
+        if "packing_fraction" not in self.file.samples:
+            raise MissingDataError(f"{self.path}: no samples of packing_fraction")
+        return analysis.jamming_fraction(found.packing_fraction, found.value, self.dimension)
 
     # --- files, figures, scenes ---------------------------------------------------------------------------------
 

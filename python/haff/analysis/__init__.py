@@ -26,8 +26,8 @@ from .packings import (
     contact_tolerance,
     jamming_fraction,
     rattlers,
-    reduced_pressure,
 )
+from .pressures import ReducedPressures, reduced_pressure, reduced_pressures
 from .scattering import StaticStructure, static_structure
 from .statistics import Estimate, block_average, drawn_frames
 from .structure import cluster_sizes, radial_distribution, structure_factor
@@ -47,6 +47,7 @@ __all__ = [
     "JammingFit",
     "Overlap",
     "PairDistributions",
+    "ReducedPressures",
     "Rheology",
     "StaticStructure",
     "Transport",
@@ -71,6 +72,7 @@ __all__ = [
     "radial_distribution",
     "rattlers",
     "reduced_pressure",
+    "reduced_pressures",
     "rheology",
     "rotational_energy",
     "rotational_temperature",

@@ -116,7 +116,7 @@ def _continued(file: File) -> str | None:
 
 
 PERIODIC = Condition("a periodic box", lambda file: _if(not file.box.fully_periodic))
-UNSHEARED = Condition("a gas at rest, not a sheared one", _flows)
+UNSHEARED = Condition("a gas at rest, not one in a flow", _flows)
 NO_WALLS = Condition("a box without walls", _walls)
 NO_DRIVE = Condition("a gas that nothing drives", _drives)
 NO_JOINTS = Condition("free particles, without joints", _joints)

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..common import arguments
 from ..errors import ArgumentError, NotApplicableError
 from ..text import quoted
-from .checked import checked
 from .gaps import Gaps, close_gaps, particles
 
 if TYPE_CHECKING:
-    from ..files.frames import Box, Frame
+    from ..files.frames import Box
 
 __all__ = [
     "ContactNetwork",
@@ -23,7 +22,6 @@ __all__ = [
     "contact_tolerance",
     "jamming_fraction",
     "rattlers",
-    "reduced_pressure",
 ]
 
 FEWEST = 3
@@ -93,7 +91,7 @@ class JammingFit(NamedTuple):
     error: float
     """Standard error of φ_J from the scatter of the samples about the line."""
     coefficient: float
-    """c of p = c/(1 − φ/φ_J); d for packings without rattlers, d N'/N with N' particles in the backbone."""
+    """c of p = c/(1 − φ/φ_J); about d, see :func:`jamming_fraction`."""
     coefficient_error: float
     """Its standard error."""
     samples: int
@@ -224,39 +222,15 @@ def contact_network(
     return ContactNetwork(contacts, loose, largest, d, int(np.count_nonzero(box.periodic[:d])))
 
 
-@checked
-def reduced_pressure(frame: Frame) -> float:
-    """p = P V/(N T) at a frame of a file; also called the compressibility factor, 1 for an ideal gas.
-
-    P is the mean pressure over the interval between samples that ends at the frame, T the temperature at its end and V
-    the volume of the box (area in two dimensions) of the frame.
-
-    Raises
-    ------
-    MissingDataError
-        The file has no samples of pressure and temperature.
-    NotApplicableError
-        No sample belongs to the frame, or the pressure or the temperature is not known there, as in the first one.
-    """
-    samples = frame.file.samples
-    time = np.asarray(samples["time"], float)
-    row = int(np.searchsorted(time, frame.time, side="right")) - 1
-    if row < 0 or not {"pressure", "temperature"} <= set(samples):
-        raise NotApplicableError(f"{frame.file.path}: no sample of the pressure at the time of frame {frame.index}")
-    pressure, temperature = float(samples["pressure"][row]), float(samples["temperature"][row])
-    if not (np.isfinite(pressure) and temperature > 0):
-        raise NotApplicableError(f"{frame.file.path}: the pressure of frame {frame.index} is not known")
-    return pressure * frame.box.volume / (len(frame.radius) * temperature)
-
-
 def jamming_fraction(packing_fraction: ArrayLike, reduced_pressure: ArrayLike, dimension: int) -> JammingFit:
     r"""The packing fraction φ_J at which the reduced pressure p = P V/(N T) of a growing system diverges.
 
     In the free volume of a jammed packing p = c/(1 − φ/φ_J) with c = d, the dimension (Z. W. Salsburg, W. W. Wood,
-    J. Chem. Phys. 37, 798 (1962)): 1/p is linear in φ, and 0 at φ_J. Rattlers add volume and hardly any pressure: with
-    N' of N particles in the backbone c is about d N'/N. A line is fitted to 1/p, with errors in proportion to it,
-    where the pressure is high: p above d and above the square root of the largest p, which is the upper half of its
-    decades.
+    J. Chem. Phys. 37, 798 (1962)): 1/p is linear in φ, and 0 at φ_J. Rattlers add hardly any pressure: with N' of N
+    particles in the backbone c is about d N'/N if all have one temperature. Growth with a thermostat heats the backbone
+    only, so that rattlers become cold, the backbone has all of the energy, and c is d again; fast growth has a higher
+    c. A line is fitted to 1/p, with errors in proportion to it, where the pressure is high: p above d and above the
+    square root of the largest p, which is the upper half of its decades.
 
     Parameters
     ----------

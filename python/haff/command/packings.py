@@ -28,6 +28,9 @@ MOST = 10_000_000
 CONTAINERS = ("periodic", "box")
 DENSEST = {2: math.pi / math.sqrt(12), 3: math.pi / math.sqrt(18)}
 """Largest packing fraction of equal disks and spheres, by dimension."""
+HIGHEST = 1e12
+"""Largest reduced pressure: beyond it rounding decides about gaps."""
+PRESSURES = f"must be a number above 1, at most {HIGHEST:g}"
 LONGEST = 100_000
 """Characters that sizes may take in an argument of the command: Linux allows 131,072."""
 
@@ -40,6 +43,7 @@ def pack(
     dimension: int = 3,
     container: str = "periodic",
     rate: float | None = None,
+    reduced_pressure: float = 1e9,
     seed: int = 0,
     path: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
@@ -58,8 +62,7 @@ def pack(
     n
         Number of particles, at least 2.
     packing_fraction
-        Where the growth ends, exactly to rounding; ``"jammed"``: until nothing can grow any more, at a very high
-        pressure.
+        Where the growth ends, exactly to rounding; ``"jammed"``: at ``reduced_pressure``.
     sizes
         Radii [length], as the ``radius`` of a species in scenes: a number, or a distribution such as
         ``{"lognormal": [0.5, 0.1]}``; a list gives them to the particles in turn. Default: 0.5, diameter 1.
@@ -71,6 +74,9 @@ def pack(
         Growth of the largest diameter in the time in which a particle at thermal speed √(T/m) flies by it,
         (dσ/dt)/√(T/m). Slow growth (10⁻³ and less) gives a denser packing, and crystals of equal particles. By default
         that of ``haff pack``.
+    reduced_pressure
+        P V/(N T) at which a packing is jammed, above 1, at most 10¹²; gaps of contacts are then about that part of the
+        diameters.
     seed
         Seed of all random numbers.
     path
@@ -113,6 +119,11 @@ def pack(
     options.append(f"--seed={arguments.count('seed', seed, 0, 2**63 - 1)}")
     if text:
         options.append(f"--sizes={text}")
+    pressure = arguments.real("reduced_pressure", reduced_pressure, PRESSURES)
+    if not 1 < pressure <= HIGHEST:
+        raise ArgumentError(f"reduced_pressure = {quoted(reduced_pressure)}: {PRESSURES}")
+    if isinstance(packing_fraction, str):
+        options.append(f"--reduced-pressure={pressure!r}")
     if rate is not None:
         options.append(f"--rate={arguments.positive('rate', rate)!r}")
     if threads is not None:

@@ -41,7 +41,9 @@ def extent(frames: Frames) -> Extent:
     box, radius = file.box, file.radius[:, None]
     bounded = np.array([kind != "open" for kind in box.boundary])
     bounded[box.dimension :] = False
-    size = np.max([one.size for one in frames.boxes()], axis=0, initial=0.0) if file.compression is not None else box.size
+    size = (
+        np.max([one.size for one in frames.boxes()], axis=0, initial=0.0) if file.compression is not None else box.size
+    )
     low, high = np.zeros(3), np.where(bounded, size, 0.0)
     reach = np.arange(3) < box.dimension
     if np.any(reach & ~bounded):

@@ -216,7 +216,9 @@ class Frame(ReadOnly):
             moving = np.where(self.file.box.periodic, rates, 0.0)
             left = 1 - moving * self.time
             if not (left > 0).all():
-                raise self.file.stored.wrong("particles/all/position/time", f"{self.time:g}: the box has no volume then")
+                raise self.file.stored.wrong(
+                    "particles/all/position/time", f"{self.time:g}: the box has no volume then"
+                )
             return self.velocity + moving / left * self.position
         if shear is None:
             return self.velocity
