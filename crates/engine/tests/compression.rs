@@ -226,3 +226,103 @@ fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
         assert_eq!(run(NeighborChoice::Windows), cells, "{rates}");
     }
 }
+
+/// T V^{2/3} of a dilute gas, in two dimensions T V, at any rate: peculiar velocities change as 1/s. What collisions
+/// add is 4 φ of it, in two dimensions 2 φ.
+#[test]
+fn a_dilute_gas_is_compressed_adiabatically() {
+    for (dimension, rate) in [(Dimension::Three, 0.002), (Dimension::Three, 0.1), (Dimension::Two, 0.01)] {
+        let d = dimension.count();
+        let mut scene = system(dimension, DVec3::splat(120.0), [Boundary::Periodic; 3]);
+        let grain = class(&mut scene, 0.5, 1.0);
+        let count = if d == 3 { 300 } else { 4 };
+        common::scatter(&mut scene, grain, count, 1.0, &mut Random(3));
+        compress(&mut scene, DVec3::new(rate, rate, if d == 3 { rate } else { 0.0 }));
+        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+        let before = simulation.sample();
+        simulation.advance(until(0.3 / rate), &mut Silent).unwrap();
+        let after = simulation.sample();
+        assert!(after.collisions > 0 || d == 2);
+        let invariant =
+            |sample: &haff_engine::Sample| sample.temperature * sample.box_volume.powf(2.0 / d as f64);
+        let ratio = invariant(&after) / invariant(&before);
+        assert!((ratio - 1.0).abs() < 1e-3, "{dimension:?}, {rate}: {ratio}");
+        let work = after.ledger.term(Term::DriveWork);
+        let gained = after.ledger.kinetic - before.ledger.kinetic;
+        assert!((work / gained - 1.0).abs() < 1e-12, "{work} {gained}");
+    }
+}
+
+/// The heating of a dense fluid that is compressed slowly, d ln T = ⅔ Z d ln φ, with Z of Carnahan and Starling
+/// (J. Chem. Phys. 51, 635 (1969)).
+#[test]
+fn a_dense_fluid_is_heated_by_its_pressure() {
+    let (from, to, rate) = (0.1_f64, 0.3_f64, 0.004);
+    let mut scene = gas(12, from, 1.0, 5);
+    let edge = scene.domain.size.x;
+    let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+    // Out of the lattice first.
+    simulation.advance(Until { collisions: 20_000, ..Until::default() }, &mut Silent).unwrap();
+    let frame = simulation.frame();
+    for (body, (position, velocity)) in
+        scene.bodies.iter_mut().zip(frame.position.iter().zip(&frame.velocity))
+    {
+        (body.position, body.velocity) = (*position, *velocity);
+    }
+    compress(&mut scene, DVec3::splat(rate));
+    let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+    let before = simulation.sample().temperature;
+    let end = (1.0 - (from / to).cbrt()) / rate;
+    simulation.advance(until(end), &mut Silent).unwrap();
+    let sample = simulation.sample();
+    assert!((sample.packing_fraction / to - 1.0).abs() < 1e-12 && edge > 1.0);
+    let z = |eta: f64| (1.0 + eta + eta.powi(2) - eta.powi(3)) / (1.0 - eta).powi(3);
+    let steps = 1000;
+    let step = (to / from).ln() / f64::from(steps);
+    let heating: f64 =
+        (0..steps).map(|k| 2.0 / 3.0 * step * z(from * ((f64::from(k) + 0.5) * step).exp())).sum();
+    let ratio = sample.temperature / before / heating.exp();
+    println!("{ratio}");
+    // The mean pressure of 1,728 particles over some 100 collisions of each: a few parts in 10⁴, and as much for
+    // the lag of the structure.
+    assert!((ratio - 1.0).abs() < 4e-3, "{ratio}");
+}
+
+/// Reversed velocities, and edges that go back: an elastic gas retraces its path. Differences grow by a factor of
+/// about ten in each collision of a particle.
+#[test]
+fn a_reversed_compression_returns() {
+    for (rates, seed) in [(DVec3::splat(0.1), 1), (DVec3::new(0.3, -0.1, 0.05), 2)] {
+        let mut scene = gas(5, 0.15, 1.0, seed);
+        compress(&mut scene, rates);
+        let start = scene.clone();
+        let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+        simulation.advance(Until { collisions: 250, ..Until::default() }, &mut Silent).unwrap();
+        let (time, frame) = (simulation.time(), simulation.frame());
+        let mut back = scene;
+        back.domain.size = start.domain.edges(time);
+        back.domain.compression = Some(Compression { rates: -rates * start.domain.size / back.domain.size });
+        for (body, (position, velocity)) in
+            back.bodies.iter_mut().zip(frame.position.iter().zip(&frame.velocity))
+        {
+            (body.position, body.velocity) = (*position, -*velocity);
+        }
+        let mut simulation = Simulation::new(back, Options::default()).unwrap();
+        simulation.advance(until(time), &mut Silent).unwrap();
+        assert_eq!(simulation.counters().collisions, 250);
+        let frame = simulation.frame();
+        let size = start.domain.size;
+        let mut largest: f64 = 0.0;
+        for (body, (position, velocity)) in
+            start.bodies.iter().zip(frame.position.iter().zip(&frame.velocity))
+        {
+            let moved = *position - body.position;
+            let turns = (moved / size).round();
+            largest = largest.max((moved - turns * size).length());
+            // An image of another box has the flow there.
+            largest = largest.max((*velocity + body.velocity - turns * rates * size).length());
+        }
+        println!("{largest:e}");
+        assert!(largest < 1e-15 * 10.0_f64.powf(2.0 * 250.0 / 125.0), "{largest:e}");
+    }
+}

@@ -188,6 +188,74 @@ fn what_does_not_work_with_a_compression_is_refused_at_its_key() {
     ]);
 }
 
+/// Beside images that move, walls act only along their normals; cells of profiles do not change.
+#[test]
+fn walls_and_profiles_that_a_compression_would_move_past_are_refused() {
+    let walled = "boundary = [\"periodic\", \"wall\", \"periodic\"]\ncompression = { rates = [0.3, 0, 0] }";
+    let why = "does not work with thermal and rough walls";
+    refused(&[
+        (
+            walled,
+            "run.until = 1.0\nwall = [{ name = \"y-\", temperature = 1.0 }]",
+            "domain",
+            Code::Conflict,
+            why,
+        ),
+        (walled, "run.until = 1.0\ncontact.tangential_restitution = 0.5", "domain", Code::Conflict, why),
+        (
+            "compression = { rate = 0.1 }",
+            "run.until = 1.0\nmeasure.profiles = [{ axis = \"x\", bins = 4, interval = 0.1 }]",
+            "measure.profiles",
+            Code::Conflict,
+            "does not work in a box that is compressed",
+        ),
+    ]);
+    sound("compression = { rate = 0.1 }", "run.until = 1.0\ncontact.tangential_restitution = 0.5");
+}
+
+/// A packing grows to its fraction and is the start of an ordinary scene.
+#[test]
+fn dense_starts_grow() {
+    let text = |positions: &str, sizes: &str, domain: &str| {
+        format!(
+            "schema = 1\nseed = 3\nrun.until = 1.0\n{domain}\ninitial.positions = {positions}\n\
+             species = [{{ name = \"grain\", count = 150, radius = {sizes}, mass = 1.0 }}]"
+        )
+    };
+    let run = |positions: &str, sizes: &str, domain: &str| {
+        parse("dense.toml", &text(positions, sizes, domain), &[], &NoStates)
+    };
+    let mixed = "{ list = [0.3, 0.5, 0.6] }";
+    for (packing, sizes, domain) in [
+        (0.62, "0.5", ""),
+        (0.6, mixed, ""),
+        (0.55, "0.5", "domain.boundary = [\"wall\", \"wall\", \"periodic\"]"),
+    ] {
+        let positions = format!("{{ packing = {packing} }}");
+        let found = run(&positions, sizes, domain).unwrap_or_else(|errors| panic!("{errors}"));
+        assert!((found.packing_fraction / packing - 1.0).abs() < 1e-12);
+        let mut simulation =
+            haff_engine::Simulation::new(found.system.clone(), haff_engine::Options::default()).unwrap();
+        simulation.measure_overlap().unwrap();
+        // The same again, and from the scene that files record.
+        let again = parse("dense.toml", &found.resolved, &[], &NoStates).unwrap();
+        assert_eq!(again.system, found.system);
+    }
+    for (positions, domain, message) in [
+        (
+            "{ packing = 0.73 }",
+            "",
+            "has not been reached: these sizes have jammed at a packing fraction of 0.6",
+        ),
+        ("{ packing = 0.6 }", "domain.size = [9, 9, 9]", "contradicts the box"),
+        ("{ packing = 1.2 }", "", "must have a packing in (0, 1)"),
+        ("{ packing = 0.6, file = \"a.h5\" }", "", "give one of the two"),
+    ] {
+        let errors = run(positions, "0.5", domain).map(|_| ()).expect_err(message);
+        assert!(errors.to_string().contains(message), "{errors}");
+    }
+}
+
 #[test]
 fn ends_beyond_the_limit_of_the_box_are_refused() {
     use Code::{Conflict, Value};

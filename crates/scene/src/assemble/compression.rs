@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Class, Compression, ConstantVelocity, Dimension, Domain, System, WallMotion, bounds,
+    Boundary, Class, Compression, ConstantVelocity, Dimension, Domain, System, WallLaw, WallMotion, bounds,
     significant,
 };
 
@@ -111,6 +111,26 @@ pub(super) fn box_limit(system: &System, first: usize) -> Option<BoxLimit> {
 }
 
 impl Assembler<'_> {
+    /// Refuses what a box that is compressed does not have: profiles, whose cells would change, and along periodic
+    /// axes walls that act along themselves, past which the particles flow.
+    pub(super) fn check_compressed(&mut self, system: &System) {
+        let domain = &system.domain;
+        let Some(compression) = domain.compression else { return };
+        let path = self.rate_path();
+        let whole = at([path[0].as_str()]);
+        if !system.measure.profiles.is_empty() {
+            self.document.report(&at(["measure", "profiles"]), "does not work in a box that is compressed");
+        }
+        let images =
+            (0..3).any(|axis| compression.rates[axis] != 0.0 && domain.boundary[axis] == Boundary::Periodic);
+        let thermal = system.contacts.wall.iter().any(WallLaw::is_thermal);
+        let rough = system.spin.as_ref().is_some_and(|spin| spin.wall.iter().any(|law| !law.is_smooth()));
+        if images && (thermal || rough) {
+            let why = "does not work with thermal and rough walls along a periodic axis that is compressed";
+            self.document.report(&whole, why);
+        }
+    }
+
     /// The key of the rates, as written.
     pub(super) fn rate_path(&self) -> Path {
         if self.config.growth.is_some() {

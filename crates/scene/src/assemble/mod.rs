@@ -293,6 +293,7 @@ impl Assembler<'_> {
         let output = self.output_plan(&system, &run, rate);
         self.gate()?;
         system.measure = self.measure(&system, &run, &output);
+        self.check_compressed(&system);
         self.gate()?;
         Ok(Scene {
             title: self.config.title.clone().unwrap_or_default(),
