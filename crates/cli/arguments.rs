@@ -177,9 +177,10 @@ pub struct Pack {
     /// The box.
     #[arg(long, value_enum, default_value_t = Container::Periodic)]
     pub container: Container,
-    /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams later, and
-    /// equal particles crystallise. Default: 0.1 up to packing fractions of 0.62 (disks: 0.82), 0.01 above, 0.03
-    /// to jamming.
+    /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams
+    /// later, and equal particles crystallise. Default: 0.1 up to packing fractions of 0.62 (disks: 0.82),
+    /// 0.01 above,
+    /// 0.03 to jamming.
     #[arg(long, value_name = "R")]
     pub rate: Option<f64>,
     /// Seed of the random numbers.

@@ -1,8 +1,9 @@
 /*!
 A file, or a folder, for each subcommand.
 
-*What is here.* [`run`], [`check`], [`init`], [`info`], [`bench`], [`pack`], [`sweep`] and [`manual`], which writes man
-pages and completions. `plot`, `export` and `view` are handed to the Python package by `running/python.rs`.
+*What is here.* [`run`], [`check`], [`init`], [`info`], [`bench`], [`pack`], [`sweep`] and [`manual`], which
+writes man pages and completions. `plot`, `export` and `view` are handed to the Python package by
+`running/python.rs`.
 
 *What to change here.* A new subcommand: its arguments in `arguments.rs`, and a file here. A new figure or
 export format is made in Python: `KINDS` of `figures/__init__.py`, `FORMATS` of `export/__init__.py`, and

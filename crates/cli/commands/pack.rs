@@ -17,8 +17,8 @@ use crate::{
     },
 };
 
-/// Packing fraction at which a growth to a stated packing fraction begins, at most, in two and three dimensions:
-/// that of a fluid, which forgets how it was placed.
+/// Packing fraction at which a growth to a stated packing fraction begins, at most, in two and three
+/// dimensions: that of a fluid, which forgets how it was placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
 /// Packing fraction at which the slow growth of a jammed packing begins: any sizes grow to it fast.
 const DENSE: [f64; 2] = [0.78, 0.58];

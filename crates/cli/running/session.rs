@@ -336,8 +336,8 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// The number of collisions at which the pressure of a growth is tested next: multiples of a number, so that a
-    /// run that is resumed has the same samples.
+    /// The number of collisions at which the pressure of a growth is tested next: multiples of a number, so
+    /// that a run that is resumed has the same samples.
     fn next_step(&self) -> u64 {
         let done = self.simulation.counters().collisions;
         self.run.growth.map_or(u64::MAX, |growth| (done / growth.step + 1).saturating_mul(growth.step))

@@ -65,8 +65,9 @@ fn trajectory_under_compression_is_independent_of_search_slices_and_resumption()
     check_independence(&scene, &[0.5, 3.0]);
 }
 
-/// Particles whose diameters grow as 1 + γ t in a fixed box, without the engine: every pair with all images near
-/// it, contact times by the quadratic formula. With x = r/(1 + γ t) and τ = t/(1 + γ t) it is the compressed box.
+/// Particles whose diameters grow as 1 + γ t in a fixed box, without the engine: every pair with all images
+/// near it, contact times by the quadratic formula. With x = r/(1 + γ t) and τ = t/(1 + γ t) it is the
+/// compressed box.
 struct Growing {
     position: Vec<DVec3>,
     velocity: Vec<DVec3>,
@@ -227,8 +228,8 @@ fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
     }
 }
 
-/// T V^{2/3} of a dilute gas, in two dimensions T V, at any rate: peculiar velocities change as 1/s. What collisions
-/// add is 4 φ of it, in two dimensions 2 φ.
+/// T V^{2/3} of a dilute gas, in two dimensions T V, at any rate: peculiar velocities change as 1/s. What
+/// collisions add is 4 φ of it, in two dimensions 2 φ, per unit of ln V.
 #[test]
 fn a_dilute_gas_is_compressed_adiabatically() {
     for (dimension, rate) in [(Dimension::Three, 0.002), (Dimension::Three, 0.1), (Dimension::Two, 0.01)] {
@@ -242,7 +243,6 @@ fn a_dilute_gas_is_compressed_adiabatically() {
         let before = simulation.sample();
         simulation.advance(until(0.3 / rate), &mut Silent).unwrap();
         let after = simulation.sample();
-        assert!(after.collisions > 0 || d == 2);
         let invariant =
             |sample: &haff_engine::Sample| sample.temperature * sample.box_volume.powf(2.0 / d as f64);
         let ratio = invariant(&after) / invariant(&before);
@@ -253,13 +253,13 @@ fn a_dilute_gas_is_compressed_adiabatically() {
     }
 }
 
-/// The heating of a dense fluid that is compressed slowly, d ln T = ⅔ Z d ln φ, with Z of Carnahan and Starling
-/// (J. Chem. Phys. 51, 635 (1969)).
+/// The heating of a dense fluid that is compressed slowly, d ln T = ⅔ Z d ln φ, with Z of Carnahan and
+/// Starling (J. Chem. Phys. 51, 635 (1969)). A bulk viscosity adds a part in proportion to the rate, which
+/// two rates remove.
 #[test]
 fn a_dense_fluid_is_heated_by_its_pressure() {
-    let (from, to, rate) = (0.1_f64, 0.3_f64, 0.004);
+    let (from, to) = (0.1_f64, 0.3_f64);
     let mut scene = gas(12, from, 1.0, 5);
-    let edge = scene.domain.size.x;
     let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
     // Out of the lattice first.
     simulation.advance(Until { collisions: 20_000, ..Until::default() }, &mut Silent).unwrap();
@@ -269,27 +269,30 @@ fn a_dense_fluid_is_heated_by_its_pressure() {
     {
         (body.position, body.velocity) = (*position, *velocity);
     }
-    compress(&mut scene, DVec3::splat(rate));
-    let mut simulation = Simulation::new(scene, Options::default()).unwrap();
-    let before = simulation.sample().temperature;
-    let end = (1.0 - (from / to).cbrt()) / rate;
-    simulation.advance(until(end), &mut Silent).unwrap();
-    let sample = simulation.sample();
-    assert!((sample.packing_fraction / to - 1.0).abs() < 1e-12 && edge > 1.0);
     let z = |eta: f64| (1.0 + eta + eta.powi(2) - eta.powi(3)) / (1.0 - eta).powi(3);
     let steps = 1000;
     let step = (to / from).ln() / f64::from(steps);
-    let heating: f64 =
+    let expected: f64 =
         (0..steps).map(|k| 2.0 / 3.0 * step * z(from * ((f64::from(k) + 0.5) * step).exp())).sum();
-    let ratio = sample.temperature / before / heating.exp();
-    println!("{ratio}");
-    // The mean pressure of 1,728 particles over some 100 collisions of each: a few parts in 10⁴, and as much for
-    // the lag of the structure.
-    assert!((ratio - 1.0).abs() < 4e-3, "{ratio}");
+    let excess = [0.008, 0.004].map(|rate| {
+        let mut scene = scene.clone();
+        compress(&mut scene, DVec3::splat(rate));
+        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+        let before = simulation.sample().temperature;
+        let end = (1.0 - (from / to).cbrt()) / rate;
+        simulation.advance(until(end), &mut Silent).unwrap();
+        let sample = simulation.sample();
+        assert!((sample.packing_fraction / to - 1.0).abs() < 1e-12);
+        (sample.temperature / before).ln() - expected
+    });
+    // Of ln T = 1.8: the equation of state is right to 0.2 %, and the fixed momentum counts one part in
+    // 1,728.
+    assert!(excess[0] > excess[1] && excess[1] > 0.0, "{excess:?}");
+    assert!((2.0 * excess[1] - excess[0]).abs() < 5e-3, "{excess:?}");
 }
 
-/// Reversed velocities, and edges that go back: an elastic gas retraces its path. Differences grow by a factor of
-/// about ten in each collision of a particle.
+/// Reversed velocities, and edges that go back: an elastic gas retraces its path. Differences grow by a
+/// factor of about ten in each collision of a particle.
 #[test]
 fn a_reversed_compression_returns() {
     for (rates, seed) in [(DVec3::splat(0.1), 1), (DVec3::new(0.3, -0.1, 0.05), 2)] {
@@ -309,7 +312,8 @@ fn a_reversed_compression_returns() {
         }
         let mut simulation = Simulation::new(back, Options::default()).unwrap();
         simulation.advance(until(time), &mut Silent).unwrap();
-        assert_eq!(simulation.counters().collisions, 250);
+        let collisions = simulation.counters().collisions;
+        assert_eq!(collisions, 250);
         let frame = simulation.frame();
         let size = start.domain.size;
         let mut largest: f64 = 0.0;
@@ -322,7 +326,6 @@ fn a_reversed_compression_returns() {
             // An image of another box has the flow there.
             largest = largest.max((*velocity + body.velocity - turns * rates * size).length());
         }
-        println!("{largest:e}");
         assert!(largest < 1e-15 * 10.0_f64.powf(2.0 * 250.0 / 125.0), "{largest:e}");
     }
 }

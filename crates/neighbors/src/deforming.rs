@@ -40,10 +40,10 @@ A face between cells is at a constant part of the edge, so that cells become nar
 compressed, and their faces move at a constant velocity. Cells are wide enough for the narrowest box of the
 [horizon](Deforming::horizon).
 
-Under shear cells are in rows that move with the flow. A row has all cells with one coordinate along the gradient. Row j is displaced by j Δ along the flow, where
-n Δ for n rows is the displacement of the image across the upper face: rows of the image continue those of
-the box, and every row moves with the mean velocity of its particles. A particle leaves its cell as often as
-without shear.
+Under shear cells are in rows that move with the flow. A row has all cells with one coordinate along the
+gradient. Row j is displaced by j Δ along the flow, where n Δ for n rows is the displacement of the image
+across the upper face: rows of the image continue those of the box, and every row moves with the mean
+velocity of its particles. A particle leaves its cell as often as without shear.
 
 Let Δ = (k + f) w for cells of width w, with 0 ≤ f ≤ 1. In the row above the neighbors of cell c are c − k − 2
 to c − k + 1, in the row below c + k − 1 to c + k + 2. When f reaches an end, k changes by one for each

@@ -31,8 +31,9 @@ pub use walls::beyond_faces;
 
 use glam::DVec3;
 
-/// Periodic image of a pair: the partner's image is at r_j + shift · L. In a box that deforms L is that of the
-/// time; under shear the one along the gradient has a component along the flow, the displacement of the image.
+/// Periodic image of a pair: the partner's image is at r_j + shift · L. In a box that deforms L is that of
+/// the time; under shear the one along the gradient has a component along the flow, the displacement of the
+/// image.
 pub type Shift = [i32; 3];
 
 /// Free flight of a particle from its present state, in anchor coordinates.

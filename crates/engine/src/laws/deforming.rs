@@ -1,7 +1,7 @@
 //! Impacts in a box that deforms: peculiar velocities, and the work of the flow.
 //!
-//! In an impact the work is −J·G r, with the vector r of the centers and the impulse J on the second particle.
-//! With that in the flights it is −V P : G in a unit of time.
+//! In an impact the work is −J·G r, with the vector r of the centers and the impulse J on the second
+//! particle. With that in the flights it is −V P : G in a unit of time.
 
 use glam::DVec3;
 

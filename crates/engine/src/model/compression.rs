@@ -5,8 +5,8 @@ use glam::DVec3;
 /// Edges of the box that become shorter or longer at a constant velocity: the edge along each axis is
 /// L (1 − γ t) at the time t of the run, for the edge L of the [`Domain`](super::Domain).
 ///
-/// Along periodic axes the images move with the edges. Along axes with walls the caller gives the walls of the
-/// domain the velocity of the edge; here these rates only tell how the volume changes.
+/// Along periodic axes the images move with the edges. Along axes with walls the caller gives the walls of
+/// the domain the velocity of the edge; here these rates only tell how the volume changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compression {
     /// γ along each axis [1/time]; negative where the edge becomes longer.

@@ -24,8 +24,8 @@ pub enum DriveKind {
         /// Time between actions \[time\].
         interval: f64,
     },
-    /// As `Rescale`, at intervals that follow the heating: short enough that the temperature changes by about a
-    /// fifth of itself between two actions.
+    /// As `Rescale`, at intervals that follow the heating: short enough that the temperature changes by
+    /// about a fifth of itself between two actions.
     Hold {
         /// Temperature after each action \[energy\].
         temperature: f64,

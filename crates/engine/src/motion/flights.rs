@@ -3,14 +3,14 @@ The kinetic term of pressures where particles accelerate between events: ∫ Σ 
 
 Without acceleration c changes in events only, and the integral is its value at the end minus moments of the
 changes ([`crate::state::accumulators`], [`crate::measure`]). Under gravity, on walls that carry grains and
-in a box that deforms each flight adds its own integral when it ends. With the velocity c in the middle of a time τ of
-constant acceleration a,
+in a box that deforms each flight adds its own integral when it ends. With the velocity c in the middle of a
+time τ of constant acceleration a,
 
  ∫ c ⊗ c dt = τ (c ⊗ c + τ²/12 a ⊗ a),
 
 which is a sum of positive terms and loses no digits. Peculiar velocities under shear have the acceleration
-−γ̇ c_y along the flow. A carried grain has, in addition, the velocity of the wall along its normal. Where edges
-become shorter or longer, c and the volume change along the flight: `Deformation::integral`.
+−γ̇ c_y along the flow. A carried grain has, in addition, the velocity of the wall along its normal. Where
+edges become shorter or longer, c and the volume change along the flight: `Deformation::integral`.
 */
 
 use glam::DVec3;

@@ -15,8 +15,8 @@ impl World {
         images.work_in_flight(mass, [particle.position, particle.velocity], start, duration)
     }
 
-    /// The work of the flow in the flights since the anchors of all particles, and the term of the balance that
-    /// has it.
+    /// The work of the flow in the flights since the anchors of all particles, and the term of the balance
+    /// that has it.
     pub fn pending_flow_work(&self) -> Option<(Term, f64)> {
         let images = self.boundary.deformation.as_ref()?;
         let [work] = total(self.particles.len(), |i| [self.flight_work(images, i, self.age(i, self.now))]);

@@ -1,22 +1,22 @@
 //! Images of a box that deforms: of position differences of pairs, and of positions at faces.
 //!
 //! Edges are linear in time, h(t) = (I + A t) h₀, so that images move at constant velocities
-//! (`state/deformation.rs`). The flow at a position x is G x; *peculiar* velocities c = v − G x are relative to
-//! it; all energies, temperatures and momenta are those of peculiar velocities. An anchor keeps the velocity of
-//! the lab in its box; wrapping it by n boxes changes that by −A h₀ n. In its flight a particle keeps its
-//! velocity, so that c changes by −G c in a unit of time: this is the work of the flow, −m c·G c. In an impact it
-//! is −J·G r, with the vector r between the centers and the impulse J on the second particle. Both together are
-//! −V P : G in a unit of time.
+//! (`state/deformation.rs`). The flow at a position x is G x; *peculiar* velocities c = v − G x are
+//! relative to it; all energies, temperatures and momenta are those of peculiar velocities. An anchor keeps
+//! the velocity of the lab in its box; wrapping it by n boxes changes that by −A h₀ n. In its flight a
+//! particle keeps its velocity, so that c changes by −G c in a unit of time: this is the work of the flow,
+//! −m c·G c. In an impact it is −J·G r, with the vector r between the centers and the impulse J on the
+//! second particle. Both together are −V P : G in a unit of time.
 //!
-//! Simple shear (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972)): images across the faces of the gradient
-//! axis are displaced along the flow by γ̇ L t, kept as whole edges and a rest from the integer clock, and move
-//! with γ̇ L. Compression: images along each axis move with the edge.
+//! Simple shear (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972)): images across the faces of the
+//! gradient axis are displaced along the flow by γ̇ L t, kept as whole edges and a rest from the integer
+//! clock, and move with γ̇ L. Compression: images along each axis move with the edge.
 //!
 //! `DEFORMS` is a feature that engines are compiled for. Cells move with the box
 //! (`neighbors::DeformingCells`); under shear they are rows that move with the flow: all particles get new
-//! neighbors when rows have moved by one cell. Searches are made again when an edge has changed by a twentieth.
-//! Windows use coordinates that deform with the flow and repeat with the box (`search/windows/moving`): filters
-//! add the tilt to differences, and cells know paths by their chords.
+//! neighbors when rows have moved by one cell. Searches are made again when an edge has changed by a
+//! twentieth. Windows use coordinates that deform with the flow and repeat with the box
+//! (`search/windows/moving`): filters add the tilt to differences, and cells know paths by their chords.
 
 use glam::DVec3;
 use haff_neighbors::{Deforming, Shift, Sliding};
@@ -99,8 +99,8 @@ impl World {
         Some(Deforming { sliding, speeds: images.speeds, start: self.now, tick: self.clock.tick, horizon })
     }
 
-    /// Prepares for searches that are made at the present. Returns until when they may be used \[ticks\]; under
-    /// shear this holds for lists.
+    /// Prepares for searches that are made at the present. Returns until when they may be used \[ticks\];
+    /// under shear this holds for lists.
     pub fn begin_horizon(&mut self) -> i64 {
         let Some(images) = self.boundary.deformation else { return i64::MAX };
         let time = self.clock.time(self.now);

@@ -7,12 +7,12 @@ distances from walls ([`walls`]), which walls support a grain ([`support`]), and
 ([`scale`]). [`flights`] and [`flow_work`] add the integrals over a flight when it ends.
 
 *What to change here.* A new boundary: its images in [`images`], beside `state/periodicity.rs` and
-`state/deformation.rs`; every search must visit the same images (`haff_neighbors`, `search/windows/moving.rs`, a set in
-`model/features.rs`), and `support/overlap.rs` their overlaps. A new shape of wall is a `Surface` of
-`haff_mechanics`, which [`walls`] asks for distances and contacts; what assumes a plane is in
-`support/geometry.rs`, `search/planes.rs` and `model/conserved.rs`. Evaluating a flight changes
-nothing, so that any number of evaluations gives the same bits: only `wrap_anchor` and `move_anchor` set an
-anchor.
+`state/deformation.rs`; every search must visit the same images (`haff_neighbors`,
+`search/windows/moving.rs`, a set in `model/features.rs`), and `support/overlap.rs` their overlaps. A new
+shape of wall is a `Surface` of `haff_mechanics`, which [`walls`] asks for distances and contacts; what
+assumes a plane is in `support/geometry.rs`, `search/planes.rs` and `model/conserved.rs`. Evaluating a
+flight changes nothing, so that any number of evaluations gives the same bits: only `wrap_anchor` and
+`move_anchor` set an anchor.
 
 *May import* `numerics`, `model`, `report` and `state`.
 

@@ -7,8 +7,8 @@ use crate::{
     state::deformation::Deformation,
 };
 
-/// Velocities of all bodies relative to the flow of a box that deforms, and to the center of mass of those of finite
-/// mass.
+/// Velocities of all bodies relative to the flow of a box that deforms, and to the center of mass of those
+/// of finite mass.
 pub fn thermal_velocities(system: &System) -> impl Iterator<Item = DVec3> {
     let images = Deformation::of(system);
     let relative = move |body: &Body| {

@@ -28,8 +28,8 @@ use crate::{
     },
     simulation::{choice::Choice, clustering::suitable_contact_duration},
     state::{
-        State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
-        world::World,
+        State, accumulators::Accumulators, deformation::Deformation, flight_sums::Summed,
+        settling::SettlingState, stall::Stall, world::World,
     },
     support::geometry::geometry,
 };
@@ -201,13 +201,13 @@ impl Simulation {
         self.state.world.boundary.deformation.is_some_and(|images| images.stretches())
     }
 
-    /// Whether particles in a box that expands hardly move relative to each other any more. No search tells this:
-    /// some have nothing to do earlier than others.
+    /// Whether particles in a box that expands hardly move relative to each other any more. No search tells
+    /// this: some have nothing to do earlier than others.
     fn is_frozen(&self) -> bool {
         /// Of an edge, which becomes longer and longer.
         const PATH: f64 = 1e-9;
         let world = &self.state.world;
-        let Some(images) = world.boundary.deformation.filter(|images| images.stretches()) else {
+        let Some(images) = world.boundary.deformation.filter(Deformation::stretches) else {
             return false;
         };
         let speeds = (0..world.particles.len() as u32)

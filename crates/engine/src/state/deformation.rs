@@ -1,8 +1,8 @@
 //! The deformation of a periodic box: its edge vectors are linear in time.
 //!
 //! h(t) = (I + A t) h₀ with a constant matrix A [1/time]: images at h(t) n move with A h₀ n. Simple shear has
-//! one entry of A off the diagonal; compression and expansion are entries on the diagonal. The flow is G x with
-//! G(t) = A (I + A t)⁻¹.
+//! one entry of A off the diagonal; compression and expansion are entries on the diagonal. The flow is G x
+//! with G(t) = A (I + A t)⁻¹.
 
 use glam::DVec3;
 
@@ -27,6 +27,17 @@ const GAUSS: [(f64, f64); 5] = [
     (0.769_234_655_052_841_5, 0.239_314_335_249_683_23),
     (0.953_089_922_969_332, 0.118_463_442_528_094_54),
 ];
+
+/// The same with three and two points, and up to which change of the edges they are exact to rounding: their
+/// errors are some (change)⁶/13 and (change)⁴/3.
+const GAUSS_3: [(f64, f64); 3] = [
+    (0.112_701_665_379_258_31, 0.277_777_777_777_777_8),
+    (0.5, 0.444_444_444_444_444_4),
+    (0.887_298_334_620_741_7, 0.277_777_777_777_777_8),
+];
+const GAUSS_2: [(f64, f64); 2] = [(0.211_324_865_405_187_1, 0.5), (0.788_675_134_594_812_9, 0.5)];
+const THREE_POINTS: f64 = 5e-3;
+const TWO_POINTS: f64 = 2e-4;
 
 /// How the box deforms.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,8 +115,8 @@ impl Deformation {
     }
 
     /// The work of the flow, −∫ m c·G c dt, on a mass in a flight of `duration` from a time: `velocity` is
-    /// that of the lab, and c the peculiar one at the start. c changes by −G c in a unit of time, so that along
-    /// a diagonal axis c (1 + a t) is constant.
+    /// that of the lab, and c the peculiar one at the start. c changes by −G c in a unit of time, so that
+    /// along a diagonal axis c (1 + a t) is constant.
     pub fn work_in_flight(
         &self,
         mass: f64,
@@ -132,13 +143,11 @@ impl Deformation {
     /// The quantity of a total peculiar momentum that gives its external impulse, see [`super::force`]: the
     /// force −γ̇ P_y along the flow of a shear; P (1 + a t), which is constant, along other axes.
     pub fn force(&self, momentum: DVec3, time: f64) -> DVec3 {
-        match &self.sliding {
-            Some(shear) => shear.force(momentum),
-            None => {
-                let stretched = self.rates.cmpne(DVec3::ZERO);
-                DVec3::select(stretched, momentum * self.scale(time), DVec3::ZERO)
-            }
+        if let Some(shear) = &self.sliding {
+            return shear.force(momentum);
         }
+        let stretched = self.rates.cmpne(DVec3::ZERO);
+        DVec3::select(stretched, momentum * self.scale(time), DVec3::ZERO)
     }
 
     /// The term of the energy balance that has the work of the flow.
@@ -146,15 +155,16 @@ impl Deformation {
         if self.stretches() { Term::DriveWork } else { Term::ShearWork }
     }
 
-    /// The weight of what happens at a time in means of the pressure: the volume at time 0 by that of the time.
+    /// The weight of what happens at a time in means of the pressure: the volume at time 0 by that of the
+    /// time.
     #[inline]
     pub fn weight(&self, time: f64) -> f64 {
         1.0 / self.scale(time).element_product()
     }
 
-    /// ∫ of `moments` of the peculiar velocity c of a flight, with their [weight](Self::weight), from a time over
-    /// a `duration`. Along a diagonal axis c (1 + a t) is constant. By Gauss's formula with five points, which is
-    /// exact to rounding for edges that change by less than a twentieth.
+    /// ∫ of `moments` of the peculiar velocity c of a flight, with their [weight](Self::weight), from a
+    /// time over a `duration`. Along a diagonal axis c (1 + a t) is constant. By Gauss's formula with as
+    /// many points as the change of the edges needs, which is exact to rounding.
     pub fn integral<const N: usize>(
         &self,
         [position, velocity]: [DVec3; 2],
@@ -164,11 +174,18 @@ impl Deformation {
     ) -> [f64; N] {
         let before = self.scale(start);
         let constant = before * velocity - self.rates * position;
-        let parts = (duration / self.horizon(start).min(self.horizon(start + duration))).ceil().max(1.0);
+        let rates = [start, start + duration].map(|time| (self.rates / self.scale(time)).abs().max_element());
+        let change = duration * rates[0].max(rates[1]);
+        let points: &[(f64, f64)] = match change {
+            change if change < TWO_POINTS => &GAUSS_2,
+            change if change < THREE_POINTS => &GAUSS_3,
+            _ => &GAUSS,
+        };
+        let parts = (change / HORIZON).ceil().max(1.0);
         let step = duration / parts;
         let mut sums = [0.0; N];
         for part in 0..parts as u64 {
-            for (place, weight) in GAUSS {
+            for (place, weight) in points {
                 let time = start + (part as f64 + place) * step;
                 let factor = step * weight * self.weight(time);
                 for (sum, moment) in sums.iter_mut().zip(moments(constant / self.scale(time))) {
@@ -179,8 +196,8 @@ impl Deformation {
         sums
     }
 
-    /// How long searches that are made at a time may be used [time]; under shear lists only. 0 if a particle is about to touch its own
-    /// image.
+    /// How long searches that are made at a time may be used [time]; under shear lists only. 0 if a
+    /// particle is about to touch its own image.
     pub fn horizon(&self, time: f64) -> f64 {
         if let Some(shear) = &self.sliding {
             return SHEAR_HORIZON / shear.rate.abs();
@@ -188,9 +205,9 @@ impl Deformation {
         (0..3).map(|axis| self.next_boundary(axis, time)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Time from `time` to the next boundary of an axis \[time\]: where its edge is that at time 0 times a whole
-    /// power of 1 − [`HORIZON`], or a particle touches its own image. So boundaries do not depend on what a search
-    /// has done before.
+    /// Time from `time` to the next boundary of an axis \[time\]: where its edge is that at time 0 times a
+    /// whole power of 1 − [`HORIZON`], or a particle touches its own image. So boundaries do not depend on
+    /// what a search has done before.
     fn next_boundary(&self, axis: usize, time: f64) -> f64 {
         let rate = self.rates[axis];
         if rate == 0.0 {
@@ -215,9 +232,9 @@ impl Deformation {
         (0..3).find(is_short).map(|axis| (axis, edges[axis]))
     }
 
-    /// The distance by which particles that are no faster than `speeds` along each axis, relative to the flow, still
-    /// move relative to it if they do not collide, in lengths of the box at a time \[length\]; infinite unless the
-    /// box expands.
+    /// The distance by which particles that are no faster than `speeds` along each axis, relative to the
+    /// flow, still move relative to it if they do not collide, in lengths of the box at a time \[length\];
+    /// infinite unless the box expands.
     pub fn path_left(&self, speeds: DVec3, time: f64) -> f64 {
         // ∫ c s/s' dt for c = c₀ s/s', up to an edge without end.
         let along = |axis: usize| {

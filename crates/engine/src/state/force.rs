@@ -1,8 +1,8 @@
 //! The external force on the particles, and its impulse.
 //!
-//! In a box that is compressed the flow changes the total peculiar momentum P along an axis, so that P (1 + a t)
-//! is constant between kicks, with the rate a of the edge: the impulse in a time is this constant times the
-//! change of 1/(1 + a t).
+//! In a box that is compressed the flow changes the total peculiar momentum P along an axis, so that P (1 +
+//! a t) is constant between kicks, with the rate a of the edge: the impulse in a time is this constant
+//! times the change of 1/(1 + a t).
 
 use glam::DVec3;
 

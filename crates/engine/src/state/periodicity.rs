@@ -13,8 +13,8 @@ pub(crate) struct Periodicity {
     /// Edge lengths L [length]; of a box that is compressed those at time 0.
     pub size: DVec3,
     /// Positions below these along each axis are in the box, and differences of less than half of these are
-    /// those of the nearest image [length]. The edges; of a box that is compressed the shortest ones that it has
-    /// while a search is used.
+    /// those of the nearest image [length]. The edges; of a box that is compressed the shortest ones that
+    /// it has while a search is used.
     pub certain: DVec3,
     /// Whether the box is periodic along each axis.
     pub is_periodic: [bool; 3],

@@ -16,6 +16,8 @@ pub(crate) struct Resolution {
     pub fastest_square: f64,
     /// Speed that drives and thermal walls give to the lightest particles [length/time].
     pub given_speed: f64,
+    /// Whether a drive holds a temperature.
+    pub holds: bool,
 }
 
 impl Resolution {
@@ -26,6 +28,7 @@ impl Resolution {
             fastest: f64::MAX,
             fastest_square: f64::MAX,
             given_speed: given_speed(system),
+            holds: system.drives.iter().any(|drive| matches!(drive.kind, DriveKind::Hold { .. })),
         }
     }
 }

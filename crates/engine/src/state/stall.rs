@@ -19,8 +19,8 @@ const SPAN: i64 = 1 << 27;
 /// for each particle.
 const EVENTS: u64 = 100_000;
 const EVENTS_PER_PARTICLE: u64 = 10;
-/// The same where edges become shorter: near jamming all particles have more and more events, as long as the
-/// clock resolves them.
+/// The same where a temperature is held in a box that becomes shorter: near jamming all particles have more
+/// and more events, as long as the clock resolves them.
 const SPAN_OF_JAM: i64 = 1 << 8;
 /// Those events are of most particles; of the last ones recorded, at least of this part of them.
 const JAMMED: f64 = 0.25;
@@ -114,10 +114,12 @@ impl Stall {
 
     /// Whether so many events are those of particles that jam, and not of a few that collapse.
     fn is_jam(&self, world: &World, time: i64) -> bool {
-        let shrinks = world.boundary.deformation.is_some_and(|images| images.rates.min_element() < 0.0)
-            || world.boundary.walls.iter().any(|wall| wall.motion.sweep(wall.normal) == f64::INFINITY);
+        // With a temperature that is held: else the work of the compression heats them without bound, and
+        // jamming takes infinitely many events.
         let count = world.particles.len().min(RECORDED_EVENTS as usize) as f64;
-        shrinks && time - self.since >= SPAN_OF_JAM && self.particles.len() as f64 >= JAMMED * count
+        world.resolution.holds
+            && time - self.since >= SPAN_OF_JAM
+            && self.particles.len() as f64 >= JAMMED * count
     }
 
     fn collapse(&self, world: &World, time: i64, particle: u32) -> EngineError {

@@ -111,8 +111,8 @@ pub(super) fn box_limit(system: &System, first: usize) -> Option<BoxLimit> {
 }
 
 impl Assembler<'_> {
-    /// Refuses what a box that is compressed does not have: profiles, whose cells would change, and along periodic
-    /// axes walls that act along themselves, past which the particles flow.
+    /// Refuses what a box that is compressed does not have: profiles, whose cells would change, and along
+    /// periodic axes walls that act along themselves, past which the particles flow.
     pub(super) fn check_compressed(&mut self, system: &System) {
         let domain = &system.domain;
         let Some(compression) = domain.compression else { return };

@@ -1,5 +1,5 @@
-//! A thermostat for particles that are heated ever faster: the work of a compression near jamming grows with the
-//! pressure, without bound in a finite time.
+//! A thermostat for particles that are heated ever faster: the work of a compression near jamming grows
+//! with the pressure, without bound in a finite time.
 
 use haff_neighbors::Geometry;
 

@@ -53,8 +53,8 @@ impl TimedAction for Rescale {
     }
 }
 
-/// Rescales the velocities of some particles, relative to their center of mass, so that they have a temperature.
-/// Returns the factor; `None`, with nothing changed, if they have no relative motion.
+/// Rescales the velocities of some particles, relative to their center of mass, so that they have a
+/// temperature. Returns the factor; `None`, with nothing changed, if they have no relative motion.
 pub(super) fn rescale(
     driven: &Driven,
     temperature: f64,

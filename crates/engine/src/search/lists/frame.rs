@@ -191,8 +191,8 @@ impl FilterFrame {
         })
     }
 
-    /// Begins a span at `now` [ticks], not before the present time. If lists are `made`, it is the first one for
-    /// these lists.
+    /// Begins a span at `now` [ticks], not before the present time. If lists are `made`, it is the first
+    /// one for these lists.
     pub fn begin<F: Features>(&mut self, world: &World, now: i64, made: bool) {
         if F::DEFORMS {
             self.begin_moving::<F>(world, now, made);

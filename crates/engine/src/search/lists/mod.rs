@@ -7,11 +7,11 @@ Most members of a list are rejected in single precision, eight at a time ([`filt
 particles](crate::search::compact): only the pairs that can touch before the earliest event known so far are
 predicted exactly ([`narrow_phase`]).
 
-In a box that deforms coordinates deform with it ([`moving`]). Under gravity the [frame] of the filter falls with the particles, so that their paths in it are straight.
-Lists do not fall, and bound how far a path bends. Grains that rest on walls or are carried by them, and
-bodies of infinite mass, do not fall: the filter leaves them out, and their pairs are predicted exactly, by
-the function that all pairs use. Particles of very different sizes are in bins of different widths
-([`levels`]).
+In a box that deforms coordinates deform with it ([`moving`]). Under gravity the [frame] of the filter falls
+with the particles, so that their paths in it are straight. Lists do not fall, and bound how far a path
+bends. Grains that rest on walls or are carried by them, and bodies of infinite mass, do not fall: the
+filter leaves them out, and their pairs are predicted exactly, by the function that all pairs use. Particles
+of very different sizes are in bins of different widths ([`levels`]).
 */
 
 mod bins;

@@ -1,13 +1,13 @@
 /*!
 The frame of the filter in a box that deforms.
 
-Coordinates deform with the flow and repeat with the box. Under shear, with the axes in the order flow x, gradient
-y, the coordinates of a particle at the beginning of a span are ξ = x − k y and y, for the *tilt* k = S/L_y of the
-displacement S of the image across the upper face. Under compression they are parts of the edges. A particle at
-rest relative to the flow keeps its coordinates.
+Coordinates deform with the flow and repeat with the box. Under shear, with the axes in the order flow x,
+gradient y, the coordinates of a particle at the beginning of a span are ξ = x − k y and y, for the *tilt* k
+= S/L_y of the displacement S of the image across the upper face. Under compression they are parts of the
+edges. A particle at rest relative to the flow keeps its coordinates.
 
-The velocity relative to the flow at the beginning of the span is c = v − G r. A path through the span is straight
-in space, so that for a pair the filter has the separation r_x = Δξ + k Δy and the displacement
+The velocity relative to the flow at the beginning of the span is c = v − G r. A path through the span is
+straight in space, so that for a pair the filter has the separation r_x = Δξ + k Δy and the displacement
 
 ```text
 Δu + k Δw + g Δy,   u = (c_x − k c_y) W,  w = c_y W,  g = γ̇ W       under shear,
@@ -16,9 +16,9 @@ in space, so that for a pair the filter has the separation r_x = Δξ + k Δy an
 
 for the length W of the span. The path in coordinates is ξ + u θ − g w θ² or ξ + u θ/(1 + g θ).
 
-Reference positions stay where they are in coordinates. Lists measure all distances as they were when all lists
-were made: until the *horizon*, at which they are made again, two particles that touch are no farther apart than
-the contact distance times 1 + [`strain`].
+Reference positions stay where they are in coordinates. Lists measure all distances as they were when all
+lists were made: until the *horizon*, at which they are made again, two particles that touch are no farther
+apart than the contact distance times 1 + [`strain`].
 */
 
 use glam::DVec3;
@@ -171,8 +171,8 @@ impl MovingFrame {
         }
     }
 
-    /// The position, in lengths of the box at the beginning of the span, and the velocity in these coordinates, of
-    /// a path that is at `position` then.
+    /// The position, in lengths of the box at the beginning of the span, and the velocity in these
+    /// coordinates, of a path that is at `position` then.
     #[inline(always)]
     pub fn path(&self, position: DVec3, velocity: DVec3) -> [[f64; 3]; 2] {
         let (mut r, mut v) = (self.ordered(position), self.ordered(velocity));

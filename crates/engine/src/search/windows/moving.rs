@@ -1,23 +1,23 @@
 /*!
 Windows in a box that deforms, whose coordinates deform with the flow.
 
-Under shear, with the axes in the order flow x, gradient y, and the displacement S of the image across the upper
-face, the coordinates of a particle at the start of a window are ξ = x − k y and y, for the *tilt* k = S/L_y. They
-repeat with the box. In the course of the window the tilt grows by g θ, with g = γ̇ W for the length W of the
-window and 0 ≤ θ ≤ 1, so that images do not move in the grid. With the velocity relative to the flow at the
-start, c = v − G r, the path is
+Under shear, with the axes in the order flow x, gradient y, and the displacement S of the image across the
+upper face, the coordinates of a particle at the start of a window are ξ = x − k y and y, for the *tilt* k =
+S/L_y. They repeat with the box. In the course of the window the tilt grows by g θ, with g = γ̇ W for the
+length W of the window and 0 ≤ θ ≤ 1, so that images do not move in the grid. With the velocity relative to
+the flow at the start, c = v − G r, the path is
 
 ```text
 ξ(θ) = ξ + u θ − g w θ²,   u = (c_x − k c_y) W,   w = c_y W      under shear,
 ξ(θ) = ξ + u θ/(1 + g θ),  u = c W,   g = a W/(1 + a t)          under compression, along each axis,
 ```
 
-with the coordinates in lengths of the box at the start. A particle stores ξ and the displacements u, w. A filter
-needs the straight paths in space: r_x = Δξ + k Δy, and the relative displacement along the flow Δu + k Δw + g Δy;
-under compression Δu + g r along each axis. Cells need the path in the grid. Its chord from θ₀ to the end leads
-along ξ by (1 − θ₀)(u − g w (1 + θ₀)), or (1 − θ₀) u/((1 + g)(1 + g θ₀)), and under shear the path is at most
-g |w|/4 away from it. Two points at the distance σ in space are up to σ √(1 + k²) apart along ξ: searches extend
-farther along this axis. Under compression they are up to σ/(1 + g) apart.
+with the coordinates in lengths of the box at the start. A particle stores ξ and the displacements u, w. A
+filter needs the straight paths in space: r_x = Δξ + k Δy, and the relative displacement along the flow Δu +
+k Δw + g Δy; under compression Δu + g r along each axis. Cells need the path in the grid. Its chord from θ₀
+to the end leads along ξ by (1 − θ₀)(u − g w (1 + θ₀)), or (1 − θ₀) u/((1 + g)(1 + g θ₀)), and under shear
+the path is at most g |w|/4 away from it. Two points at the distance σ in space are up to σ √(1 + k²) apart
+along ξ: searches extend farther along this axis. Under compression they are up to σ/(1 + g) apart.
 */
 
 use glam::DVec3;
@@ -93,13 +93,15 @@ impl MovingFrame {
         }
     }
 
-    /// Sets the tilt, or the edges of the axes, to those of the images at `ticks`. Returns by how many edges along
-    /// the flow per edge along the gradient the tilt is now less than the tilt that has grown for `duration`
-    /// \[time\].
+    /// Sets the tilt, or the edges of the axes, to those of the images at `ticks`. Returns by how many
+    /// edges along the flow per edge along the gradient the tilt is now less than the tilt that has grown
+    /// for `duration` \[time\].
     pub fn start(&mut self, world: &World, ticks: i64, duration: f64, axes: &mut Axes) -> i32 {
         if self.images.stretches() {
             let time = world.clock.time(ticks);
-            let (edges, rates) = (self.images.edges(time), self.images.rates / self.images.scale(time));
+            // Those of the world: the system of a search has the edges at which it was made.
+            let edges = world.periodicity(ticks).size;
+            let rates = self.images.rates / self.images.scale(time);
             for axis in (0..3).filter(|&axis| self.images.rates[axis] != 0.0) {
                 axes.set_edge(axis, edges[axis]);
             }
@@ -159,8 +161,8 @@ impl MovingFrame {
         }
     }
 
-    /// Sets the tilt of the axes, for a window of the length `step` \[time\] in which no particle is displaced
-    /// by more than `displacement` \[length\].
+    /// Sets the tilt of the axes, for a window of the length `step` \[time\] in which no particle is
+    /// displaced by more than `displacement` \[length\].
     pub fn tilt(&self, axes: &mut Axes, step: f64, displacement: f64) {
         let change = self.rate * step;
         let stretch = self.diagonal.map(|rate| rate * step);

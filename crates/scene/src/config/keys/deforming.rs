@@ -25,17 +25,16 @@ pub struct GrowthConfig {
     /// rate over that diameter.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate: Option<f64>,
-    /// Temperature to which velocities are rescaled, at every hundredth of 1/γ and before it has changed by more than
-    /// about a fifth \[energy\]. Default: they are
-    /// not rescaled, and growth heats.
+    /// Temperature to which velocities are rescaled, at every hundredth of 1/γ and before it has changed by
+    /// more than about a fifth \[energy\]. Default: they are not rescaled, and growth heats.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub temperature: Option<f64>,
     /// The run ends when the particles fill this part of the box.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
     pub until_packing_fraction: Option<f64>,
-    /// The run ends at the first sample of observables whose reduced pressure P V/(N T) is at least this. There are
-    /// samples in addition to those of `output.observables`: whenever particles have had ten collisions each on
-    /// average.
+    /// The run ends at the first sample of observables whose reduced pressure P V/(N T) is at least this.
+    /// There are samples in addition to those of `output.observables`: whenever particles have had ten
+    /// collisions each on average.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub until_reduced_pressure: Option<f64>,
 }

@@ -105,8 +105,8 @@ pub struct SizesConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct InitialConfig {
     /// `lattice` (default; the densest of the dimension), `fcc` (3D), `hexagonal` (2D), `random`,
-    /// `{ packing = 0.6 }`: a dense random packing, or `{ file = "state.h5" }`: positions and velocities of the last
-    /// frame of an output file.
+    /// `{ packing = 0.6 }`: a dense random packing, or `{ file = "state.h5" }`: positions and velocities of
+    /// the last frame of an output file.
     pub positions: Option<PositionsConfig>,
     /// Granular temperature T = Σ m v²/(dN) of the species [energy]; Maxwell velocities, shifted to zero
     /// momentum (a single particle is not) and rescaled to T exactly. Default 1; with positions from a file,
@@ -141,12 +141,13 @@ pub enum PackingConfig {
     Fcc,
     /// Triangular, up to 0.907.
     Hexagonal,
-    /// Sequential insertion, then pushed apart: up to 0.58 in 3D, 0.78 in 2D; denser ones are `{ packing = … }`.
+    /// Sequential insertion, then pushed apart: up to 0.58 in 3D, 0.78 in 2D; denser ones are `{ packing =
+    /// … }`.
     Random,
 }
 
-/// A dense random packing: the particles are placed in a larger box, which is compressed to this packing fraction
-/// while they collide.
+/// A dense random packing: the particles are placed in a larger box, which is compressed to this packing
+/// fraction while they collide.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("required" = ["packing"]))]

@@ -1,9 +1,11 @@
 /*!
-Dense random packings: particles are placed without overlap in a larger box, which is then compressed until it is
-the one that is wanted (Lubachevsky–Stillinger growth, B. D. Lubachevsky, F. H. Stillinger, J. Stat. Phys. 60, 561
-(1990)). They are elastic and move all the time, so that they find their way around each other.
+Dense random packings: particles are placed without overlap in a larger box, which is then compressed until
+it is the one that is wanted (Lubachevsky–Stillinger growth, B. D. Lubachevsky, F. H. Stillinger, J. Stat.
+Phys. 60, 561 (1990)). They are elastic and move all the time, so that they find their way around each
+other.
 
-Fast growth jams at a lower packing fraction than slow growth: what jams too early is tried again at a lower rate.
+Fast growth jams at a lower packing fraction than slow growth: what jams too early is tried again at a lower
+rate.
 */
 
 use std::f64::consts::PI;
@@ -20,8 +22,8 @@ use super::{Room, loose};
 use crate::placement::random::Stream;
 use crate::placement::velocity::{Bath, equilibrate, maxwell};
 
-/// Packing fraction of the larger box, in two and three dimensions: that of a fluid, which forgets how it has been
-/// placed.
+/// Packing fraction of the larger box, in two and three dimensions: that of a fluid, which forgets how it
+/// has been placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
 /// Growth of the largest diameter in a unit of time by the thermal speed, one after the other.
 const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
@@ -47,8 +49,8 @@ pub(crate) fn packing_fraction(dimension: Dimension, size: DVec3, radius: &[f64]
 
 /// Centres for spheres of these radii in a box with periodic or walled axes, whatever its packing fraction.
 ///
-/// `stream` gives the random numbers of the placement of each particle, `seed` those of velocities. `progress` is
-/// told the part of the growth that is done. The result depends on nothing else.
+/// `stream` gives the random numbers of the placement of each particle, `seed` those of velocities.
+/// `progress` is told the part of the growth that is done. The result depends on nothing else.
 ///
 /// # Errors
 /// The growth jams before, at every rate.
