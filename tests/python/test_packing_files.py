@@ -398,6 +398,11 @@ def test_growth_to_a_lower_pressure_has_not_jammed():
         assert packing.status == "reduced_pressure" and 30 < packing.reduced_pressure < 200
 
 
+@pytest.mark.xfail(
+    raises=haff.SceneError,
+    strict=True,
+    reason="haff pack --jammed begins at a packing fraction of 0.58, above that of jamming in a small box",
+)
 @pytest.mark.physics
 def test_packing_between_walls_touches_them():
     with haff.pack(100, "jammed", container="box", seed=3) as packing:
