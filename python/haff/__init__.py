@@ -14,7 +14,7 @@ The closed forms to compare with stand in :mod:`haff.theory` (gases) and :mod:`h
 springs, rods); :func:`restitution_from` recovers e from what was seen. Checks and statistics on top of freud, SciPy
 and MDAnalysis stand in :mod:`haff.analysis`, the figures of ``haff plot`` in :mod:`haff.figures`.
 
-Studies of many runs, here or on a cluster, are made by :func:`haff.sweep`.
+Studies of many runs, here or on a cluster, are made by :func:`haff.sweep`, dense packings by :func:`haff.pack`.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 # need all of them. Type checkers and editors read the imports below, Python the table `_HOME`; a test compares them.
 if TYPE_CHECKING:
     from . import analysis, mechanics, theory
+    from .command.packings import pack
     from .command.plotting import plot
     from .command.runs import Result, resume, run
     from .command.sweeps import sweep
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from .files.events import Events
     from .files.frames import Box, Frame, Frames, Shear
     from .live.simulation import Simulation
+    from .packing import Packing, open_packing
     from .reader import File, open
     from .restitution import restitution_from
     from .scenes import load_scene, save_scene, schema, template, templates, validate
@@ -65,6 +67,7 @@ __all__ = [
     "MissingPackageError",
     "NotApplicableError",
     "OutOfRangeError",
+    "Packing",
     "Result",
     "SceneError",
     "SceneProblem",
@@ -76,6 +79,8 @@ __all__ = [
     "load_scene",
     "mechanics",
     "open",
+    "open_packing",
+    "pack",
     "plot",
     "restitution_from",
     "resume",
@@ -106,7 +111,9 @@ _HOME = {
     ),
     "files.events": ("Events",),
     "files.frames": ("Box", "Frame", "Frames", "Shear"),
+    "command.packings": ("pack",),
     "command.plotting": ("plot",),
+    "packing": ("Packing", "open_packing"),
     "reader": ("File", "open"),
     "restitution": ("restitution_from",),
     "command.runs": ("Result", "resume", "run"),

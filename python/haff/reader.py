@@ -382,14 +382,17 @@ class File(ReadOnly):
 
         It is ``domain.compression`` of the scene, or follows from its ``growth``.
         """
-        growth, given = self.scene.get("growth"), self.scene.get("domain", {}).get("compression")
+        growth, given = self.scene.get("growth"), self.scene.get("domain", {}).get("compression", {})
         rates = np.zeros(3)
         if growth is not None:
-            rates[: self.dimension] = float(growth["rate"]) / (2 * float(self.radius.max()))
-        elif given is not None and "rates" in given:
+            rates[: self.dimension] = float(growth["rate"]) / (2 * float(self.radius.max(initial=SMALLEST)))
+        elif "rates" in given and len(given["rates"]) < self.dimension:
+            fault = f"domain.compression.rates = {quoted(given['rates'])}: must be {self.dimension} numbers"
+            raise self.stored.wrong("parameters/scene", fault)
+        elif "rates" in given:
             rates[: self.dimension] = given["rates"][: self.dimension]
-        elif given is not None and "rate" in given:
-            rates[: self.dimension] = float(given["rate"])
+        else:
+            rates[: self.dimension] = float(given.get("rate", 0.0))
         return rates if rates.any() else None
 
     @cached_property

@@ -756,6 +756,57 @@ def of_frames(table: Table, run: haff.File) -> None:
     )
 
 
+def of_packings(table: Table, run: haff.File) -> None:
+    """Analysis of packings."""
+    table.add("reduced_pressure", analysis.reduced_pressure, frame=(run.frames[-1], NO_FRAME))
+    table.add("contact_tolerance", analysis.contact_tolerance, reduced_pressure=(1e6, NO_POSITIVE))
+    places = {
+        **NO_NUMBERS,
+        **{name: np.full((4, 3), value) for name, value in BEYOND.items()},
+        "one": [0.0, 0.0, 0.0],
+        "four columns": np.zeros((4, 4)),
+        "two columns": np.zeros((4, 2)),
+        "no rows": np.zeros((0, 3)),
+        "cube": np.zeros((4, 3, 3)),
+        "beyond scenes": np.full((4, 3), 1e60),
+    }
+    sizes = {**NO_NUMBERS, **BEYOND, "zero": 0.0, "negative": [-0.5] * 4, "three": [0.5] * 3, "tiny": 1e-60}
+    no_box = {"none": None, "number": 5.0, "list": [3.0] * 3, "dict": {}, "text": "box", "object": HOSTILE}
+    good = {"positions": (2.5 * np.eye(4)[:, :3], places), "radii": (0.5, sizes), "box": (run.box, no_box)}
+    table.add("close_gaps", analysis.close_gaps, **good, cutoff=(0.1, NO_POSITIVE))
+    table.add(
+        "contact_network", analysis.contact_network, **good, tolerance=(0.1, without(NO_POSITIVE, "none")),
+    )  # fmt: skip
+    table.add("contact_network", analysis.contact_network, **good, reduced_pressure=(9.0, without(NO_POSITIVE, "none")))
+    neighbors = {**without(NO_COUNT, "none"), "zero": 0}
+    table.add("bond_order", analysis.bond_order, **good, neighbors=(3, neighbors))
+    rows = {
+        **without(NO_NUMBERS, "huge"),
+        "beyond": [[0, 4]],
+        "negative": [[-1, 0]],
+        "fraction": [[0.5, 1.0]],
+        "nan": [[0.0, NAN]],
+        "three": [[0, 1, 2]],
+    }
+    table.add(
+        "rattlers",
+        analysis.rattlers,
+        count=(4, {**NO_COUNT, "zero": 0}),
+        pairs=([[0, 1], [1, 2]], rows),
+        dimension=(3, NO_DIMENSION),
+        walls=([0, 1], without(rows, "set")),
+    )
+    phi = np.linspace(0.6, 0.6399, 20)
+    series = {**NO_NUMBERS, "other length": phi[:3], "nested": np.ones((20, 2)), "number": 0.5}
+    table.add(
+        "jamming_fraction",
+        analysis.jamming_fraction,
+        packing_fraction=(phi, series),
+        reduced_pressure=(3 / (1 - phi / 0.64), series),
+        dimension=(3, NO_DIMENSION),
+    )
+
+
 GOOD = {
     "n": 0.1,
     "sigma": 1.0,

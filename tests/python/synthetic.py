@@ -623,3 +623,59 @@ mass = 1.0
         del file["particles/all/box/edges/value"]
         file["particles/all/box/edges/value"] = edges
     return path
+
+
+def grown(
+    path: Path, position, radius, size, *, species=None, pressures=(20.0, 200.0, 1e4, 1e6), boundary="ppp", d: int = 3
+) -> Path:
+    """A run of growth that ends with these particles, as `haff pack` writes it: radii are constant, the box shrinks.
+
+    `size`: edges at the end; `pressures`: reduced pressures at the later frames, by p = d/(1 − φ/φ_J), the last one
+    with the box at the end. Samples have the mean over the interval before them, at a constant rate of φ. Particles
+    keep their places relative to the box. Masses are 1, and so is the temperature.
+    """
+    position, size, n = np.asarray(position, float), np.asarray(size, float), len(position)
+    radius = np.broadcast_to(np.asarray(radius, float), n)
+    p = np.array(pressures, float)
+    volume = float(np.sum(np.pi * radius**2 * (1 if d == 2 else 4 / 3 * radius)))
+    final = volume / float(np.prod(size[:d]))
+    jam = final / (1 - d / p[-1])
+    phi = np.concatenate([[jam / 3], jam * (1 - d / p)])
+    away = np.concatenate([[2 / 3], d / p])
+    mean = d * np.log(away[:-1] / away[1:]) / -np.diff(away)
+    edges = np.where(np.arange(3) < d, size * (final / phi)[:, None] ** (1 / d), 1.0)
+    edges[-1, :d] = size[:d]
+    place = np.zeros((n, 3))
+    place[:, :d] = position[:, :d] / size[:d]
+    where = place * edges[:, None]
+    where[-1, :, :d] = position[:, :d]
+    time, zero = np.arange(len(phi), dtype=float), np.zeros(len(phi))
+    velocity = np.where(np.arange(3) < d, np.random.default_rng(0).normal(size=(n, 3)), 0.0)
+    velocity -= velocity.mean(axis=0)
+    velocity *= math.sqrt(d * n / np.sum(velocity**2))
+    box_volume = np.prod(edges[:, :d], axis=1)
+    kinds = np.zeros(n, int) if species is None else np.asarray(species).astype(int)
+    sides = [{"p": "periodic", "w": "wall"}[side] for side in boundary[:d]]
+    scene = f'schema = 1\ntitle = "Grown"\nseed = 7\ndimension = {d}\n\n[domain]\nsize = {edges[0, :d].tolist()}\n'
+    scene += f"boundary = {sides}\n\n[growth]\nrate = 0.01\n"
+    for kind in np.unique(kinds):
+        own = radius[kinds == kind]
+        law = repr(float(own[0])) if np.ptp(own) == 0 else f"{{ uniform = [{own.min()!r}, {own.max()!r}] }}"
+        law = law.replace("np.float64(", "").replace(")", "")
+        scene += f'\n[[species]]\nname = "grain {kind}"\ncount = {len(own)}\nradius = {law}\nmass = 1.0\n'
+    write(
+        path, scene=scene, size=edges[0],
+        boundary=["periodic" if side == "periodic" else "none" for side in sides] + ["none"] * (3 - d),
+        mass=np.ones(n), radius=radius, species=kinds,
+        frames={"time": time, "step": 1000 * np.arange(len(phi)), "position": where,
+                "velocity": np.tile(velocity, (len(phi), 1, 1)), "image": np.zeros(where.shape, np.int32)},
+        observables={"time": time, "step": 1000 * np.arange(len(phi)), "kinetic_energy": zero + d * n / 2,
+                     "temperature": zero + 1.0, "pressure": np.concatenate([[np.nan], mean * n / box_volume[1:]]),
+                     "packing_fraction": phi, "box_volume": box_volume,
+                     "collisions": 1000 * np.arange(len(phi))},
+    )  # fmt: skip
+    with h5py.File(path, "r+") as file:
+        file["particles/all/box/edges/value"][:] = edges
+        file["parameters/summary"] = '{"stopped": "jammed", "collisions": 4000}'
+        file["parameters/seed"][()] = 7
+    return path

@@ -58,7 +58,7 @@ def small(scene: dict, name: str) -> dict[str, object]:
     for k, one in enumerate(species):
         if one["count"] > MOST and name not in FULL:
             changes[f"species.{k}.count"] = MOST
-    run = scene["run"]
+    run = scene.get("run", {})
     if until := run.get("until"):
         until = until / (SHORTER if species else 1)
         changes |= {"run.until": until, "output.frames": until / 6, "output.observables": until / 20}

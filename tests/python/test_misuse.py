@@ -42,6 +42,7 @@ def table(tmp_path_factory):
         misuses.runs(calls, folder, folder / "done.h5")
         misuses.reading(calls, run, folder)
         misuses.of_frames(calls, run)
+        misuses.of_packings(calls, run)
         misuses.closed_forms(calls)
         yield calls
     os.chdir(before)

@@ -98,7 +98,7 @@ def test_no_modules_of_the_package_import_each_other_in_a_circle():
 
 # From the ground up; a file beside the rooms is one of its own. `__init__` hands names on, when they are used.
 LOWER = "text errors common theory mechanics files analysis export figures reader restitution".split()
-PACKAGE = [*LOWER, *"viewer scenes command live __main__ __init__".split()]
+PACKAGE = [*LOWER, *"viewer scenes packing command live __main__ __init__".split()]
 
 
 def test_no_room_of_the_package_imports_a_higher_one():

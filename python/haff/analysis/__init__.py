@@ -10,13 +10,24 @@ compared with have their conditions in :mod:`.conditions`.
 *Begin with* :mod:`.pairs`, then :mod:`.conditions`.
 """
 
+from .bonds import BondOrder, bond_order
 from .clustering import Clusters, clusters
 from .cooling import CoolingLaw, HeatedState, cooling_law, gas_restitution, heated_state
 from .density import DensityField, density_field
 from .distributions import PairDistributions, pair_distributions
 from .energies import kinetic_energy, rotational_energy, rotational_temperature, temperature
+from .gaps import Gaps, close_gaps
 from .heights import HeightProfile, height_axis, height_profile
 from .overlaps import Overlap, max_overlap
+from .packings import (
+    ContactNetwork,
+    JammingFit,
+    contact_network,
+    contact_tolerance,
+    jamming_fraction,
+    rattlers,
+)
+from .pressures import ReducedPressures, reduced_pressure, reduced_pressures
 from .scattering import StaticStructure, static_structure
 from .statistics import Estimate, block_average, drawn_frames
 from .structure import cluster_sizes, radial_distribution, structure_factor
@@ -24,20 +35,29 @@ from .transport import Rheology, Transport, rheology, running_integral, self_dif
 from .velocities import scaled_velocities, sonine_a2, velocity_histogram
 
 __all__ = [
+    "BondOrder",
     "Clusters",
+    "ContactNetwork",
     "CoolingLaw",
     "DensityField",
     "Estimate",
+    "Gaps",
     "HeatedState",
     "HeightProfile",
+    "JammingFit",
     "Overlap",
     "PairDistributions",
+    "ReducedPressures",
     "Rheology",
     "StaticStructure",
     "Transport",
     "block_average",
+    "bond_order",
+    "close_gaps",
     "cluster_sizes",
     "clusters",
+    "contact_network",
+    "contact_tolerance",
     "cooling_law",
     "density_field",
     "drawn_frames",
@@ -45,10 +65,14 @@ __all__ = [
     "heated_state",
     "height_axis",
     "height_profile",
+    "jamming_fraction",
     "kinetic_energy",
     "max_overlap",
     "pair_distributions",
     "radial_distribution",
+    "rattlers",
+    "reduced_pressure",
+    "reduced_pressures",
     "rheology",
     "rotational_energy",
     "rotational_temperature",

@@ -101,6 +101,11 @@ def _drives(file: File) -> str | None:
     return _if(bool(kinds), f"the scene has {' and '.join(kinds)}")
 
 
+def _flows(file: File) -> str | None:
+    why = "the edges of the box change with time" if file.compression is not None else ""
+    return _if(file.shear is not None or file.compression is not None, why)
+
+
 def _joints(file: File) -> str | None:
     found = [name for name in ("pendulum", "spring", "rod") if file.scene.get(name)]
     return _if(bool(found) or "sticks" in pair_laws(file.scene))
@@ -111,7 +116,7 @@ def _continued(file: File) -> str | None:
 
 
 PERIODIC = Condition("a periodic box", lambda file: _if(not file.box.fully_periodic))
-UNSHEARED = Condition("a gas at rest, not a sheared one", lambda file: _if(file.shear is not None))
+UNSHEARED = Condition("a gas at rest, not one in a flow", _flows)
 NO_WALLS = Condition("a box without walls", _walls)
 NO_DRIVE = Condition("a gas that nothing drives", _drives)
 NO_JOINTS = Condition("free particles, without joints", _joints)

@@ -58,12 +58,15 @@ def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
     """Up to ``count`` frames spread over the file, without the first ``after`` collisions per particle.
 
     From the second half of the file if all of it is shorter than twice ``after``. A file that goes on from another run
-    begins with its own first frame.
+    begins with its own first frame. Of a run whose box changes with time it is the last frame alone: its density is
+    another one in each.
     """
     count = arguments.count("count", count, 1, arguments.MOST_ROWS)
     if arguments.number("after", after) < 0:
         raise ArgumentError(f"after = {quoted(after)}: must not be negative")
     frames = file.frames
+    if file.compression is not None:
+        return list(frames[-1:])
     steps = np.asarray(frames.step, float)
     steps = steps - steps[:1]
     threshold = min(after * len(file) / 2, steps[-1] / 2) if len(frames) else 0.0

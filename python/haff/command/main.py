@@ -60,7 +60,7 @@ def _add_plot(commands) -> None:
     plot.add_argument("-o", "--output", type=Path, metavar="DIR", help="directory of the figures (default: figures)")
     plot.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
     plot.add_argument(
-        "--frame", type=int, default=-1, metavar="I", help="frame of the snapshot or the density (default: the last)"
+        "--frame", type=int, default=-1, metavar="I", help="frame of a figure of one frame (default: the last)"
     )
     plot.add_argument("--show", action="store_true", help="shows the figures on the screen, too")
     plot.add_argument("--movie", type=Path, metavar="OUT", help="draws a movie instead: OUT.mp4 or OUT.gif")
@@ -157,10 +157,11 @@ _KINDS = {
     "density": "picture of the packing fraction on a grid; in 3D its mean along an axis, and a slice",
     "clusters": "clusters of particles near contact: the largest against time, and their sizes",
     "structure_factor": "static structure factor S(k) with its error",
+    "contacts": "packings: contacts and rattlers of a frame; in 3D those of a layer",
     "partials": "mixtures: pair distribution of each pair of species",
     "heights": "gravity or walls: density, temperature and velocity against height, from frames",
 }
-_BY_NAME = ("density", "clusters", "structure_factor", "partials", "heights")
+_BY_NAME = ("density", "clusters", "structure_factor", "contacts", "partials", "heights")
 _COLORINGS = ("speed", "species", "loss", "recent-loss", "density")
 _FORMATS = ("gsd", "extxyz", "vtkhdf", "csv", "parquet")
 _TABLES = ("observables", "frames", "events")

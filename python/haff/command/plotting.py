@@ -35,7 +35,7 @@ def plot(
     overwrite
         Whether an existing picture is replaced.
     options
-        ``index``: the frame of a snapshot or of a density field, −1 by default.
+        ``index``: the frame of a figure of one frame (``contacts``, ``density``, ``snapshot``), −1 by default.
 
     Raises
     ------

@@ -33,7 +33,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     with open(path, "w", encoding="utf-8", newline="\n") as out:
         for frame in frames:
             spins, lattice = frame.angular_velocity, frame.box.edges.copy()
-            np.fill_diagonal(lattice, room.size)
+            np.fill_diagonal(lattice, room.of(frame.box).size)
             edges = " ".join(f"{edge!r}" for edge in lattice.ravel().tolist())
             properties = _PROPERTIES if spins is None else _PROPERTIES + _SPIN
             out.write(

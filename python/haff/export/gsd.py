@@ -38,12 +38,13 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     if fault := not_triangular(file):
         raise NotApplicableError(f"{file.path}: gsd cannot hold the box: {fault}; extxyz can")
     flat = file.dimension == 2
-    size = room.size.astype(np.float32)
     shapes = _shapes(file)
     moment = _moments(file)
     with gsd.open(str(path), "w") as trajectory:
         for frame in frames:
-            shifted, velocity = frame.position - room.center, frame.velocity
+            here = room.of(frame.box)
+            size = here.size.astype(np.float32)
+            shifted, velocity = frame.position - here.center, frame.velocity
             position, image = shifted.astype(np.float32), frame.image.astype(np.int32)
             # A coordinate that rounds up to the upper face goes to the lower face of the next image.
             over = file.box.periodic & (position >= size / 2)
@@ -69,7 +70,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             if moment is not None and frame.angular_velocity is not None:
                 particles.moment_inertia = moment
                 particles.angmom = np.pad(2 * moment * frame.angular_velocity, ((0, 0), (1, 0)))
-            written.log = {"time": np.array([frame.time]), "box_center": np.asarray(room.center)}
+            written.log = {"time": np.array([frame.time]), "box_center": np.asarray(here.center)}
             trajectory.append(written)
 
 

@@ -68,6 +68,10 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
         for name, edges in (("box_origin", room.origin), ("box_size", room.size), ("periodic", periodic)):
             field[name] = edges[None, :]
             places[name], sizes[name] = still, np.tile([3, 1], (len(frames), 1))
+        if file.compression is not None:
+            del field["box_size"], places["box_size"]
+            field["box_size"] = np.stack([room.of(box).size for box in frames.boxes()])
+            places["box_size"] = np.arange(len(frames))
         if file.shear is not None:
             edges = np.stack([frame.box.edges for frame in frames])
             edges[:, range(3), range(3)] = room.size

@@ -84,6 +84,9 @@ KINDS: dict[str, Kind] = {
         standard=False,
     ),
     "structure_factor": Kind(_from("scattering"), "static structure factor S(k) with its error", standard=False),
+    "contacts": Kind(
+        _from("contacts"), "packings: contacts and rattlers of a frame; in 3D those of a layer", standard=False
+    ),
     "partials": Kind(_from("partials"), "mixtures: pair distribution of each pair of species", standard=False),
     "heights": Kind(
         _from("heights"),
@@ -92,7 +95,7 @@ KINDS: dict[str, Kind] = {
     ),
 }
 
-OF_A_FRAME = ("density", "snapshot")
+OF_A_FRAME = ("contacts", "density", "snapshot")
 """Figures of one frame, which ``index`` chooses."""
 
 
@@ -114,7 +117,7 @@ def draw(file: File, kind: str, **options: object) -> Figure:
     kind
         A key of :data:`KINDS`.
     options
-        ``index``: the frame of a snapshot or of a density field, −1 by default.
+        ``index``: the frame of a figure of one frame (``contacts``, ``density``, ``snapshot``), −1 by default.
 
     Raises
     ------

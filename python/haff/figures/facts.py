@@ -19,7 +19,8 @@ def facts(file: File) -> str:
     parts = [f"N = {len(file):,}"]
     phi = packing_fraction(file)
     if np.isfinite(phi):
-        parts.append(f"packing fraction {phi:.3g}")
+        last = packing_fraction(file, file.frames[-1].box) if file.compression is not None and "frames" in file else phi
+        parts.append(f"packing fraction {phi:.3g}" + (f" to {last:.3g}" if last != phi else ""))
     parts += _restitutions(file)
     beta, friction = roughness(file.scene)
     if beta > -1 and friction > 0:

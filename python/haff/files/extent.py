@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from .frames import Frames
+    from .frames import Box, Frames
 
 
 class Extent(NamedTuple):
@@ -26,17 +26,25 @@ class Extent(NamedTuple):
         """``[3]`` [length]"""
         return self.origin + self.size / 2
 
+    def of(self, box: Box) -> Extent:
+        """The same with the edges of the box of one frame."""
+        return self._replace(size=np.where(self.bounded, box.size, self.size))
+
 
 def extent(frames: Frames) -> Extent:
     """Extent of some frames; reads their positions once if an axis is open.
 
+    Of a compressed box the longest edges; :meth:`Extent.of` is that of one frame.
     In two dimensions the region is as thick as the largest disk, about z = 0.
     """
     file = frames.file
     box, radius = file.box, file.radius[:, None]
     bounded = np.array([kind != "open" for kind in box.boundary])
     bounded[box.dimension :] = False
-    low, high = np.zeros(3), np.where(bounded, box.size, 0.0)
+    size = (
+        np.max([one.size for one in frames.boxes()], axis=0, initial=0.0) if file.compression is not None else box.size
+    )
+    low, high = np.zeros(3), np.where(bounded, size, 0.0)
     reach = np.arange(3) < box.dimension
     if np.any(reach & ~bounded):
         low[~bounded], high[~bounded] = np.inf, -np.inf

@@ -208,12 +208,18 @@ class Frame(ReadOnly):
     def peculiar_velocity(self) -> NDArray[np.float64]:
         """``[N, 3]`` velocities relative to the flow of a box that deforms [length/time]; else the velocities.
 
-        The flow of a sheared box is γ̇ y x̂, that of a compressed one −γ x/(1 − γ t) along each periodic axis.
+        The flow of a sheared box is γ̇ y x̂, that of a compressed one −γ x/(1 − γ t) along each periodic axis. Along
+        axes between walls there is none.
         """
         shear, rates = self.file.shear, self.file.compression
         if rates is not None:
             moving = np.where(self.file.box.periodic, rates, 0.0)
-            return self.velocity + moving / (1 - moving * self.time) * self.position
+            left = 1 - moving * self.time
+            if not (left > 0).all():
+                raise self.file.stored.wrong(
+                    "particles/all/position/time", f"{self.time:g}: the box has no volume then"
+                )
+            return self.velocity + moving / left * self.position
         if shear is None:
             return self.velocity
         found = self.velocity.copy()
@@ -368,6 +374,10 @@ class Frames(ReadOnly, Sequence["Frame"]):
         if self._edges is None:
             return [self._file.box] * len(rows)
         return self._file._boxes(self._edges, _take(self._edges, rows), rows)
+
+    def boxes(self) -> list[Box]:
+        """The box of each frame."""
+        return self._boxes(self._rows)
 
     def _times(self, rows: range) -> Array:
         time = _take(self._time, rows)

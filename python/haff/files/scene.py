@@ -21,6 +21,7 @@ except ModuleNotFoundError:  # Python 3.10
 
 if TYPE_CHECKING:
     from ..reader import File
+    from .frames import Box
 
 __all__ = [
     "SceneFault",
@@ -229,10 +230,14 @@ def _plural(definition: dict[str, Any]) -> str:
     return {"number": "numbers", "string": "names", "object": "tables"}.get(definition.get("type", ""), "values")
 
 
-def packing_fraction(file: File) -> float:
-    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder."""
-    if "open" in file.box.boundary[: file.dimension]:
+def packing_fraction(file: File, box: Box | None = None) -> float:
+    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder.
+
+    ``box`` is that of a frame, where the box is compressed; by default that of the first frame.
+    """
+    box = file.box if box is None else box
+    if "open" in box.boundary[: file.dimension]:
         return float("nan")
     d, r = file.dimension, file.radius
     volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
-    return float(volume / file.box.volume)
+    return float(volume / box.volume)

@@ -44,6 +44,8 @@ def write(
         chosen = _thin(file, chosen, size, log is not None, notes)
         keys = recorded(chosen)
     room = extent(chosen)
+    if file.compression is not None and len(chosen) > 1:
+        notes.append("the box changes with time, and is drawn with its longest edges; one frame has its own")
     losses = None if log is None else log.losses(keys.time)
     if losses is None:
         coloring.require_no_losses(file)

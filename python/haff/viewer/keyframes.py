@@ -61,9 +61,9 @@ def _spinning(frames: Frames) -> bool:
 def along_flights(file: File, frames: Frames) -> Keyframes | None:
     """Exact paths of few bodies from the event log; ``None`` without a complete log, or if they are too long.
 
-    The log lacks the changes of velocities by drives.
+    The log lacks the changes of velocities by drives, and images of a box that changes with time slide.
     """
-    if len(frames) < 2 or "events" not in file or file.scene.get("drive"):
+    if len(frames) < 2 or "events" not in file or file.scene.get("drive") or file.compression is not None:
         return None
     try:
         paths = trajectories.flights(file)

@@ -1,0 +1,193 @@
+"""Gaps between the surfaces of particles that are close, and between particles and the walls of the box."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..common import arguments
+from ..errors import ArgumentError
+from ..files.layout import Array
+from ..text import quoted
+
+if TYPE_CHECKING:
+    from ..files.frames import Box
+
+__all__ = ["Gaps", "close_gaps"]
+
+_SLACK = 1e-9
+"""Relative rounding of distances: the search reaches farther by it, and what is too far is taken out after it."""
+
+
+class Gaps(NamedTuple):
+    """Gaps of K close pairs and of W particles close to a wall of the box."""
+
+    pairs: NDArray[np.int64]
+    """``[K, 2]`` rows of the particles, the lower one first, in ascending order. In a box of a few diameters the same
+    two particles may touch through several images: each is a row. A particle and its own image: both rows are it."""
+    gap: Array
+    """``[K]`` (r − σ)/σ with the distance r and the contact distance σ = R_i + R_j; negative for an overlap."""
+    vector: Array
+    """``[K, 3]`` from the first center to the image of the second one that is close [length]."""
+    wall_rows: NDArray[np.int64]
+    """``[W]`` rows of the particles close to a wall."""
+    wall_sides: NDArray[np.int64]
+    """``[W, 2]`` the axis that the wall is normal to, and 0 for the lower face, 1 for the upper one."""
+    wall_gap: Array
+    """``[W]`` (z − R)/2R with the distance z of the center from the wall."""
+
+    def below(self, gap: float) -> Gaps:
+        """Those below a gap."""
+        near, at = self.gap < gap, self.wall_gap < gap
+        return Gaps(
+            self.pairs[near], self.gap[near], self.vector[near],
+            self.wall_rows[at], self.wall_sides[at], self.wall_gap[at],
+        )  # fmt: skip
+
+
+def close_gaps(positions: ArrayLike, radii: ArrayLike, box: Box, cutoff: float) -> Gaps:
+    """All gaps below a cutoff, across periodic faces too, those of a sheared box among them.
+
+    Particles are sorted by size into classes of a factor of 2, and close pairs of each two classes are found by k-d
+    trees: small particles are not compared with all that a large one would reach. Images are copies, so that a box may
+    be of any width. Distances are computed in double precision from the positions given.
+
+    Parameters
+    ----------
+    positions
+        ``[N, 3]`` or, in two dimensions, ``[N, 2]`` centers [length], in the box or not.
+    radii
+        ``[N]`` [length].
+    box
+        The box: its edges, and which axes are periodic or between walls; ``haff.Box([L, L, L], ["periodic"] * 3, 3)``.
+    cutoff
+        Largest gap, relative to the contact distance R_i + R_j; of a wall relative to the diameter.
+
+    Raises
+    ------
+    ArgumentError
+        An array has another shape, a radius or the cutoff is not positive, or a number is not finite.
+
+    Examples
+    --------
+    >>> import haff
+    >>> box = haff.Box([4.0, 4.0, 4.0], ["periodic", "wall", "wall"], 3)
+    >>> found = haff.analysis.close_gaps([[0.5, 2.0, 2.0], [3.25, 2.25, 3.5]], [0.5, 0.5], box, cutoff=1.0)
+    >>> found.pairs.tolist(), found.gap.round(3).tolist(), found.vector.tolist()
+    ([[0, 1]], [0.969], [[-1.25, 0.25, 1.5]])
+    >>> found.wall_rows.tolist(), found.wall_sides.tolist(), found.wall_gap.tolist()
+    ([1], [[2, 1]], [0.0])
+    """
+    position, radius = particles(positions, radii, box)
+    cutoff = arguments.positive("cutoff", cutoff)
+    d = box.dimension
+    # Within the edge vectors, which lean in a sheared box; positions that are there keep all their digits.
+    cells = np.where(box.periodic[:d], np.floor(position[:, :d] @ np.linalg.inv(box.edges[:d, :d])), 0.0)
+    position = position.copy()
+    position[:, :d] -= cells @ box.edges[:d, :d]
+    rows, vectors = [np.empty((0, 2), np.int64)], [np.empty((0, 3))]
+    classes = _classes(radius)
+    for k, first in enumerate(classes):
+        for second in classes[k:]:
+            reach = (1 + cutoff) * float(radius[first].max() + radius[second].max()) * (1 + _SLACK)
+            found, vector = _close(box, position, first, second, reach)
+            near = np.linalg.norm(vector, axis=1) < (1 + cutoff) * radius[found].sum(axis=1)
+            rows.append(found[near])
+            vectors.append(vector[near])
+    pairs, vector = np.concatenate(rows), np.concatenate(vectors)
+    turned = pairs[:, 0] > pairs[:, 1]
+    pairs[turned], vector[turned] = pairs[turned, ::-1], -vector[turned]
+    order = np.lexsort((*vector.T[::-1], pairs[:, 1], pairs[:, 0]))
+    pairs, vector = pairs[order], vector[order]
+    contact = radius[pairs].sum(axis=1)
+    return Gaps(
+        pairs, (np.linalg.norm(vector, axis=1) - contact) / contact, vector, *_walls(box, position, radius, cutoff)
+    )
+
+
+def particles(positions: object, radii: object, box: object) -> tuple[Array, Array]:
+    """Centers ``[N, 3]`` and radii ``[N]``, checked; arguments of public functions."""
+    if not (hasattr(box, "edges") and hasattr(box, "boundary")):
+        raise ArgumentError(f"box = {quoted(box)}: must be a haff.Box, such as frame.box")
+    given = arguments.reals("positions", positions)
+    d: int = box.dimension
+    if given.ndim != 2 or len(given) == 0 or given.shape[1] not in (d, 3):
+        allowed = "[N, 3]" if d == 3 else "[N, 2] or [N, 3]"
+        raise ArgumentError(f"positions = {quoted(positions)}, of shape {given.shape}: must be {allowed}")
+    if not (np.abs(given) <= arguments.LARGEST).all():
+        raise ArgumentError(f"positions = {quoted(positions)}: must be finite, of up to {arguments.LARGEST:g}")
+    position = np.zeros((len(given), 3))
+    position[:, :d] = given[:, :d]
+    radius = np.array(arguments.shaped("radii", radii, [len(given)], f"one number, or [{len(given)}]"))
+    if not ((radius >= arguments.SMALLEST) & (radius <= arguments.LARGEST)).all():
+        allowed = f"from {arguments.SMALLEST:g} to {arguments.LARGEST:g}"
+        raise ArgumentError(f"radii = {quoted(radii)}: must be positive, {allowed}")
+    return position, radius
+
+
+def _classes(radius: Array) -> list[NDArray[np.int64]]:
+    """Rows of the particles by size, each class within a factor of 2."""
+    octave = np.floor(np.log2(radius / radius.min()) + _SLACK).astype(np.int64)
+    return [np.flatnonzero(octave == k) for k in np.unique(octave)]
+
+
+def _close(
+    box: Box, position: Array, first: NDArray[np.int64], second: NDArray[np.int64], reach: float
+) -> tuple[NDArray[np.int64], Array]:
+    """Pairs of two classes within a distance, each once, and the vectors between them; ``second`` may be ``first``."""
+    from scipy.spatial import cKDTree
+
+    d = box.dimension
+    owner, points, forward = _images(box, position, second, reach)
+    tree = cKDTree(position[first, :d])
+    found = tree.sparse_distance_matrix(cKDTree(points[:, :d]), reach, output_type="ndarray")
+    i, image = first[found["i"]], found["j"]
+    j, sign = owner[image], forward[image]
+    # Within one class each pair is found from both of its particles.
+    once = (sign > 0) | ((sign == 0) & (i < j)) if first is second else np.ones(len(i), bool)
+    i, j, image = i[once], j[once], image[once]
+    return np.stack([i, j], axis=1).astype(np.int64), points[image] - position[i]
+
+
+def _images(
+    box: Box, position: Array, rows: NDArray[np.int64], reach: float
+) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
+    """Particles and their images within ``reach`` of the box: rows, places, and the sign of each shift.
+
+    The sign is 0 for the particles themselves and opposite for opposite shifts.
+    """
+    d = box.dimension
+    edges, width = box.edges[:d, :d], reach / box.widths[:d]
+    place = position[rows, :d] @ np.linalg.inv(edges)
+    most = np.where(box.periodic[:d], np.ceil(width), 0).astype(int)
+    owner, points, signs = [], [], []
+    for shift in itertools.product(*(range(-m, m + 1) for m in most)):
+        moved = place + shift
+        near = ((moved >= -width - _SLACK) & (moved <= 1 + width + _SLACK)) | (np.array(shift) == 0)
+        kept = np.flatnonzero(near.all(axis=1))
+        copies = position[rows[kept]]
+        copies[:, :d] += np.array(shift) @ edges
+        owner.append(rows[kept])
+        points.append(copies)
+        signs.append(np.full(len(kept), next((np.sign(n) for n in shift if n), 0)))
+    return np.concatenate(owner), np.concatenate(points), np.concatenate(signs)
+
+
+def _walls(
+    box: Box, position: Array, radius: Array, cutoff: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Particles close to the walls of the box."""
+    rows, sides, gaps = [np.empty(0, np.int64)], [np.empty((0, 2), np.int64)], [np.empty(0)]
+    for axis in range(box.dimension):
+        if box.boundary[axis] != "wall":
+            continue
+        for side, distance in enumerate((position[:, axis], box.size[axis] - position[:, axis])):
+            gap = (distance - radius) / (2 * radius)
+            near = np.flatnonzero(gap < cutoff)
+            rows.append(near)
+            sides.append(np.tile([axis, side], (len(near), 1)))
+            gaps.append(gap[near])
+    return np.concatenate(rows), np.concatenate(sides), np.concatenate(gaps)

@@ -1,0 +1,151 @@
+"""Contacts of a packing as lines between centers, with its rattlers; in three dimensions those of a layer."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.figure import Figure
+
+from .. import analysis
+from ..common import arguments
+from ..errors import NotApplicableError
+from ..files.frames import Frame
+from ..files.layout import AXES, Array
+from ..files.scene import packing_fraction
+from .style import BLUE, ORANGE, headline, label, number, page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..analysis import ContactNetwork
+    from ..reader import File
+
+LEAST_PRESSURE = 10.0
+"""Reduced pressure, P V/(N T), below which gaps say nothing about contacts."""
+HELD, LOOSE = "#D6E4EE", ORANGE
+"""Faces of particles of the backbone and of rattlers."""
+THICK = (0.5, 2.4)
+"""Narrowest and widest line of a contact [points]."""
+
+
+def draw(file: File, index: int = -1, *, tolerance: float | None = None) -> Figure:
+    """Contacts of one frame, the last by default. ``tolerance``: largest gap, by default that of the pressure."""
+    frames = file.frames
+    if len(frames) == 0:
+        raise NotApplicableError("no frames")
+    index = arguments.count("index", index, -arguments.MOST_ROWS, arguments.MOST_ROWS)
+    if not -len(frames) <= index < len(frames):
+        raise NotApplicableError(f"frame {index} of {len(frames)}")
+    frame, box, d = frames[index], frames[index].box, file.dimension
+    if "open" in box.boundary[:d]:
+        raise NotApplicableError("needs a box with periodic faces or walls")
+    pressure = None
+    if tolerance is None:
+        pressure = analysis.reduced_pressure(frame)
+        if not pressure >= LEAST_PRESSURE:
+            why = f"the reduced pressure is {pressure:.3g}, below {LEAST_PRESSURE:g}"
+            raise NotApplicableError(f"contacts need a packing: {why}")
+    network = analysis.contact_network(
+        frame.position, frame.radius, box, reduced_pressure=pressure, tolerance=tolerance
+    )
+    shown, layer = _layer(frame)
+    figure = Figure(figsize=page(*box.size[:2], beside=1.3, below=0.8), layout="constrained")
+    axes = figure.subplots()
+    axes.set_aspect("equal")
+    axes.axis("off")
+    _particles(axes, frame, network, shown)
+    _contacts(axes, frame, network, shown)
+    _box(axes, frame)
+    _legend(axes)
+    headline(figure, f"Contacts at t = {frame.time:.5g}{layer}", _facts(file, frame, network, pressure))
+    return figure
+
+
+def _facts(file: File, frame: Frame, network: ContactNetwork, pressure: float | None) -> str:
+    parts = [f"N = {len(file):,}", f"packing fraction {packing_fraction(file, frame.box):.5g}"]
+    parts += [] if pressure is None else [f"PV/NT = {number(pressure, 3)}"]
+    if network.backbone:
+        isostatic = f" (isostatic {network.isostatic_number:.3f})" if frame.box.fully_periodic else ""
+        parts.append(f"Z = {network.contact_number:.3f}{isostatic}")
+    loose = int(network.rattlers.sum())
+    parts.append(f"{loose:,} rattler{'s'[: loose != 1]}")
+    return f"{label(file.title) + '  ·  ' if file.title else ''}{',  '.join(parts)}"
+
+
+def _layer(frame: Frame) -> tuple[Array, str]:
+    """The particles shown, ``[N]``, and words for them: in three dimensions a layer of one mean diameter."""
+    if frame.box.dimension == 2:
+        return np.ones(len(frame.radius), bool), ""
+    middle, half = frame.box.size[2] / 2, float(frame.radius.mean())
+    inside = np.abs(frame.position[:, 2] - middle) < half
+    return inside, f", layer {middle - half:.4g} < {AXES[2]} < {middle + half:.4g}"
+
+
+def _particles(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -> None:
+    low, high, radius = np.zeros(2), frame.box.size[:2], frame.radius
+    rows, centers = [], []
+    # Those across a periodic face are drawn on both sides.
+    for shift in itertools.product((-1, 0, 1), repeat=2):
+        if np.any(np.array(shift, bool) & ~frame.box.periodic[:2]):
+            continue
+        moved = frame.position[:, :2] + np.array(shift) @ frame.box.edges[:2, :2]
+        near = np.all((moved > low - radius[:, None]) & (moved < high + radius[:, None]), axis=1) & shown
+        rows.append(np.flatnonzero(near))
+        centers.append(moved[near])
+    row = np.concatenate(rows)
+    diameter = 2 * radius[row]
+    disks = EllipseCollection(
+        diameter, diameter, np.zeros(len(row)), units="xy", offsets=np.concatenate(centers),
+        offset_transform=axes.transData, facecolors=np.where(network.rattlers[row], LOOSE, HELD).tolist(),
+        edgecolors="#777777", linewidths=0.4 if len(row) < 3000 else 0.0, zorder=1,
+    )  # fmt: skip
+    axes.add_collection(disks)
+    _clip(axes, frame, disks)
+
+
+def _contacts(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -> None:
+    """Lines from center to center, across periodic faces from both sides, and to the walls."""
+    found, position = network.contacts, frame.position[:, :2]
+    held = network.backbone_pairs & shown[found.pairs].all(axis=1)
+    (first, second), vector = found.pairs[held].T, found.vector[held, :2]
+    lines = [
+        np.stack([position[first], position[first] + vector], axis=1),
+        np.stack([position[second] - vector, position[second]], axis=1),
+    ]
+    at = shown[found.wall_rows] & ~network.rattlers[found.wall_rows] & (found.wall_sides[:, 0] < 2)
+    foot = position[found.wall_rows[at]].copy()
+    axis, side = found.wall_sides[at].T
+    foot[np.arange(len(foot)), axis] = side * frame.box.size[axis]
+    lines.append(np.stack([position[found.wall_rows[at]], foot], axis=1))
+    width = np.clip(60 / np.sqrt(max(1, np.count_nonzero(shown))) / 4, *THICK)
+    drawn = LineCollection(np.concatenate(lines), colors=BLUE, linewidths=width, capstyle="round", zorder=2)
+    axes.add_collection(drawn)
+    _clip(axes, frame, drawn)
+
+
+def _clip(axes: Axes, frame: Frame, drawn: mpl.collections.Collection) -> None:
+    if frame.box.periodic[:2].any():
+        drawn.set_clip_path(mpl.patches.Rectangle((0, 0), *frame.box.size[:2], transform=axes.transData))
+
+
+def _box(axes: Axes, frame: Frame) -> None:
+    width, height = frame.box.size[:2]
+    axes.add_patch(mpl.patches.Rectangle((0, 0), width, height, fill=False, ec="#333333", lw=1.0, zorder=3))
+    margin = 0.02 * max(width, height)
+    axes.set_xlim(-margin, width + margin)
+    axes.set_ylim(-margin, height + margin)
+
+
+def _legend(axes: Axes) -> None:
+    from matplotlib.lines import Line2D
+
+    marks = [
+        Line2D([], [], ls="", marker="o", ms=8, mfc=HELD, mec="#777777", label="backbone"),
+        Line2D([], [], ls="", marker="o", ms=8, mfc=LOOSE, mec="#777777", label="rattler"),
+        Line2D([], [], color=BLUE, lw=2, label="contact"),
+    ]
+    axes.legend(handles=marks, loc="upper left", bbox_to_anchor=(1, 1))
