@@ -17,6 +17,7 @@ pub(crate) mod change;
 pub(crate) mod checkpoint;
 pub(crate) mod choice;
 pub(crate) mod clustering;
+mod deforming;
 pub(crate) mod initial;
 mod present;
 pub(crate) mod run;

@@ -1,6 +1,6 @@
 //! A run: the state, its engine and the epochs of the clock.
 
-use std::{borrow::Cow, collections::BTreeMap};
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 use haff_neighbors::Geometry;
@@ -26,10 +26,10 @@ use crate::{
         matrix::Search,
         sharing::Sharing,
     },
-    simulation::{choice::Choice, clustering::suitable_contact_duration},
+    simulation::{choice::Choice, clustering::suitable_contact_duration, deforming::present_system},
     state::{
-        State, accumulators::Accumulators, deformation::Deformation, flight_sums::Summed,
-        settling::SettlingState, stall::Stall, world::World,
+        State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
+        world::World,
     },
     support::geometry::geometry,
 };
@@ -74,7 +74,7 @@ pub struct Simulation {
     pub(crate) measurements: Vec<Box<dyn Measurement>>,
     pub(crate) options: Options,
     /// Until when searches may be used in a box that deforms \[ticks\].
-    horizon: i64,
+    pub(super) horizon: i64,
     /// The requested time of the last stop [time]; the present tick is only the nearest one.
     pub(super) stop_time: Option<f64>,
     /// A contact duration that suits the system, for the error of a collapse [time].
@@ -194,49 +194,6 @@ impl Simulation {
             drop(system);
             self.rebuild();
         }
-    }
-
-    /// Whether edges become shorter or longer.
-    fn stretches(&self) -> bool {
-        self.state.world.boundary.deformation.is_some_and(|images| images.stretches())
-    }
-
-    /// Whether particles in a box that expands hardly move relative to each other any more. No search tells
-    /// this: some have nothing to do earlier than others.
-    fn is_frozen(&self) -> bool {
-        /// Of an edge, which becomes longer and longer.
-        const PATH: f64 = 1e-9;
-        let world = &self.state.world;
-        let Some(images) = world.boundary.deformation.filter(Deformation::stretches) else {
-            return false;
-        };
-        let speeds = (0..world.particles.len() as u32)
-            .map(|i| world.peculiar(i, world.now).1.abs())
-            .fold(DVec3::ZERO, DVec3::max);
-        let time = world.clock.time(world.now);
-        images.path_left(speeds, time) < PATH * images.edges(time).min_element()
-    }
-
-    /// Makes the search again for the present edges of a box that deforms.
-    #[cold]
-    fn renew(&mut self) -> Result<(), EngineError> {
-        let world = &self.state.world;
-        let time = world.clock.time(world.now);
-        let short = world.boundary.deformation.as_ref().and_then(|images| images.too_short(time));
-        if let Some((axis, edge)) = short {
-            return Err(EngineError::ShortEdge { time, axis, edge });
-        }
-        if world.shear().is_some() {
-            self.predict_all();
-            return Ok(());
-        }
-        let system = present_system(&self.system, world);
-        self.choice.reconsider(&system, world);
-        self.geometry = geometry(&system, world, self.choice.filled());
-        self.engine = self.choice.compile(&system, &self.geometry);
-        drop(system);
-        self.rebuild();
-        Ok(())
     }
 
     /// Runs events until the first of the bounds, or until nothing moves and no event is due.
@@ -522,16 +479,6 @@ impl Simulation {
         );
         self.rebuild();
     }
-}
-
-/// The system with the edges that its box has at present, for searches.
-fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, System> {
-    if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
-        return Cow::Borrowed(system);
-    }
-    let mut present = system.clone();
-    present.domain.size = world.periodicity(world.now).size;
-    Cow::Owned(present)
 }
 
 /// The timed actions of a system. The system must still have its bodies.

@@ -1,10 +1,7 @@
 //! Compression and expansion of the domain.
 
 use glam::DVec3;
-use haff_engine::{
-    Boundary, Class, Compression, ConstantVelocity, Dimension, Domain, System, WallLaw, WallMotion, bounds,
-    significant,
-};
+use haff_engine::{Boundary, Class, Compression, Dimension, Domain, System, WallLaw, bounds, significant};
 
 use super::{
     Assembler,
@@ -20,16 +17,6 @@ const HALVINGS: usize = 200;
 
 /// Names of the axes.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// The motion of the upper wall of an axis; the lower one stays.
-pub(super) fn motion_of_upper_wall(domain: &Domain, axis: usize) -> WallMotion {
-    let rate = domain.compression.map_or(0.0, |compression| compression.rates[axis]);
-    if rate == 0.0 {
-        return WallMotion::Fixed;
-    }
-    let velocity = DVec3::AXES[axis] * (-rate * domain.size[axis]);
-    WallMotion::Constant(ConstantVelocity { velocity, reference_time: 0.0 })
-}
 
 /// Volume of a box of these edges [length^d].
 pub(super) fn volume(dimension: Dimension, edges: DVec3) -> f64 {

@@ -4,7 +4,7 @@ use glam::DVec3;
 use haff_engine::{Boundary, Compression, Dimension, Domain, Shear, Wall, WallMotion, bounds, significant};
 
 use super::Assembler;
-use super::compression::motion_of_upper_wall;
+use super::flow::motion_of_upper_wall;
 use super::particles::{Rows, SpeciesPlan};
 use super::values::{LARGEST, SMALLEST, at, item, positive};
 use crate::config::{BoundaryConfig, DomainConfig, PackingConfig, PositionsConfig};

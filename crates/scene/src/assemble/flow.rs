@@ -1,7 +1,7 @@
 //! The flow of a domain that deforms: the mean velocity at every place.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Domain, System, thermal_velocities};
+use haff_engine::{Boundary, ConstantVelocity, Domain, System, WallMotion, thermal_velocities};
 
 use super::particles::{Initial, Rows, SpeciesPlan};
 use crate::model::state::State;
@@ -84,4 +84,14 @@ pub(super) fn thermal(system: &System) -> Vec<DVec3> {
     }
     let common = if mass > 0.0 { momentum / mass } else { DVec3::ZERO };
     relative.into_iter().map(|velocity| velocity - common).collect()
+}
+
+/// The motion of the upper wall of an axis; the lower one stays.
+pub(super) fn motion_of_upper_wall(domain: &Domain, axis: usize) -> WallMotion {
+    let rate = domain.compression.map_or(0.0, |compression| compression.rates[axis]);
+    if rate == 0.0 {
+        return WallMotion::Fixed;
+    }
+    let velocity = DVec3::AXES[axis] * (-rate * domain.size[axis]);
+    WallMotion::Constant(ConstantVelocity { velocity, reference_time: 0.0 })
 }

@@ -10,26 +10,15 @@ use haff_neighbors::Array;
 
 use crate::search::{blocks::Grid, compact::CompactParticle};
 
-use super::{bins::Bins, sets::LANES};
+use super::{
+    bins::{Bins, Layout},
+    sets::LANES,
+};
 
 /// Particles whose radii differ by at most this factor share bins.
 const SIZE_STEP: f64 = 2.0;
 /// Largest number of ranges.
 const MOST: usize = 32;
-
-/// The layout of all bins [largest contact distances].
-pub(super) struct Layout {
-    /// Edges of the box, 0 along an axis without motion.
-    pub edges: [f64; 3],
-    /// Largest contact distances per coordinate.
-    pub unit: [f32; 3],
-    /// The tilt with which distances are measured in a sheared box.
-    pub tilt: f64,
-    /// Distance beyond contact at which particles are neighbors.
-    pub skin: f64,
-    /// Mean distance of neighbors.
-    pub spacing: f64,
-}
 
 /// Bins of all reference positions.
 #[derive(Debug, Clone, Default)]

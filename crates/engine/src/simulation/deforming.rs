@@ -1,0 +1,68 @@
+//! Simulations of boxes that deform: searches for the present edges.
+
+use std::borrow::Cow;
+
+use glam::DVec3;
+
+use crate::{
+    model::System,
+    numerics::error::EngineError,
+    simulation::run::Simulation,
+    state::{deformation::Deformation, world::World},
+    support::geometry::geometry,
+};
+
+impl Simulation {
+    /// Whether edges become shorter or longer.
+    pub(super) fn stretches(&self) -> bool {
+        self.state.world.boundary.deformation.is_some_and(|images| images.stretches())
+    }
+
+    /// Whether particles in a box that expands hardly move relative to each other any more. No search tells
+    /// this: some have nothing to do earlier than others.
+    pub(super) fn is_frozen(&self) -> bool {
+        /// Of an edge, which becomes longer and longer.
+        const PATH: f64 = 1e-9;
+        let world = &self.state.world;
+        let Some(images) = world.boundary.deformation.filter(Deformation::stretches) else {
+            return false;
+        };
+        let speeds = (0..world.particles.len() as u32)
+            .map(|i| world.peculiar(i, world.now).1.abs())
+            .fold(DVec3::ZERO, DVec3::max);
+        let time = world.clock.time(world.now);
+        images.path_left(speeds, time) < PATH * images.edges(time).min_element()
+    }
+
+    /// Makes the search again for the present edges of a box that deforms.
+    #[cold]
+    pub(super) fn renew(&mut self) -> Result<(), EngineError> {
+        let world = &self.state.world;
+        let time = world.clock.time(world.now);
+        let short = world.boundary.deformation.as_ref().and_then(|images| images.too_short(time));
+        if let Some((axis, edge)) = short {
+            return Err(EngineError::ShortEdge { time, axis, edge });
+        }
+        if world.shear().is_some() {
+            self.predict_all();
+            return Ok(());
+        }
+        let system = present_system(&self.system, world);
+        self.choice.reconsider(&system, world);
+        self.geometry = geometry(&system, world, self.choice.filled());
+        self.engine = self.choice.compile(&system, &self.geometry);
+        drop(system);
+        self.rebuild();
+        Ok(())
+    }
+}
+
+/// The system with the edges that its box has at present, for searches.
+pub(super) fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, System> {
+    if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
+        return Cow::Borrowed(system);
+    }
+    let mut present = system.clone();
+    present.domain.size = world.periodicity(world.now).size;
+    Cow::Owned(present)
+}
