@@ -1,15 +1,12 @@
 //! Simulations of boxes that deform: searches for the present edges.
 
-use std::borrow::Cow;
-
 use glam::DVec3;
 
 use crate::{
-    model::System,
     numerics::error::EngineError,
     simulation::run::Simulation,
-    state::{deformation::Deformation, world::World},
-    support::geometry::geometry,
+    state::deformation::Deformation,
+    support::geometry::{geometry, present_system},
 };
 
 impl Simulation {
@@ -55,14 +52,4 @@ impl Simulation {
         self.rebuild();
         Ok(())
     }
-}
-
-/// The system with the edges that its box has at present, for searches.
-pub(super) fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, System> {
-    if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
-        return Cow::Borrowed(system);
-    }
-    let mut present = system.clone();
-    present.domain.size = world.periodicity(world.now).size;
-    Cow::Owned(present)
 }

@@ -26,12 +26,12 @@ use crate::{
         matrix::Search,
         sharing::Sharing,
     },
-    simulation::{choice::Choice, clustering::suitable_contact_duration, deforming::present_system},
+    simulation::{choice::Choice, clustering::suitable_contact_duration},
     state::{
         State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
         world::World,
     },
-    support::geometry::geometry,
+    support::geometry::{geometry, present_system},
 };
 
 /// Largest number of particles: a calendar entry stores a tag in two of the 32 bits of an index.

@@ -1,5 +1,7 @@
 //! The input of the searches: the geometry of a state.
 
+use std::borrow::Cow;
+
 use haff_neighbors::{Axis, Geometry, Plane};
 use rayon::prelude::*;
 
@@ -54,6 +56,16 @@ pub(crate) fn largest_contact(particles: impl Iterator<Item = (f64, bool, u64)>)
         }
     }
     movable[0] + movable[1].max(fixed)
+}
+
+/// The system with the edges that its box has at present, for searches.
+pub(crate) fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, System> {
+    if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
+        return Cow::Borrowed(system);
+    }
+    let mut present = system.clone();
+    present.domain.size = world.periodicity(world.now).size;
+    Cow::Owned(present)
 }
 
 /// The input of partner searches: the geometry of a state. `filled` is the volume that all particles would
