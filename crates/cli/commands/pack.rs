@@ -20,15 +20,16 @@ use crate::{
 /// Packing fraction at which a growth to a stated packing fraction begins, at most, in two and three
 /// dimensions: that of a fluid, which forgets how it was placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
-/// Packing fraction at which the slow growth of a jammed packing begins: any sizes grow to it fast.
-const DENSE: [f64; 2] = [0.78, 0.58];
+/// Packing fraction to which a jammed packing grows slowly, which decides where it jams; from there on it grows
+/// fast. Between walls, where particles jam at lower packing fractions, growth has one rate.
+const DENSE: [f64; 2] = [0.80, 0.62];
 /// Rates by which sizes grow fast, and slowly; up to these packing fractions growth is fast.
 const FAST: f64 = 0.1;
 const SLOW: f64 = 0.01;
 const FAST_UP_TO: [f64; 2] = [0.82, 0.62];
-/// Rate towards jamming: the largest that gives packing fractions within those of slower growth
-/// (benches/record/packings.md).
-const JAMMING: f64 = 0.03;
+/// Rates towards jamming: after a slow growth, and between walls (benches/record/packings.md).
+const JAMMING: f64 = 0.1;
+const JAMMING_BETWEEN_WALLS: f64 = 0.03;
 /// Frames of a run.
 const FRAMES: f64 = 10.0;
 /// Rows of observables of a growth to a stated packing fraction: the last interval is not empty.
@@ -78,12 +79,20 @@ fn text(options: &Pack) -> Result<String, Failure> {
         let name = say("--reduced-pressure", "reduced_pressure");
         return refuse(format!("{name}: must be above 1, at most 1e12"));
     }
+    // One rate for all of a growth to jamming.
+    let steady = options.container == Container::Box || options.rate.is_some();
     let (title, start, positions, end) = match options.packing_fraction {
         Some(fraction) => (
             format!("{} {kind} grown to a packing fraction of {fraction}", options.count),
             FLUID[d].min(0.8 * fraction),
             "\"random\"".to_owned(),
             format!("until_packing_fraction = {fraction:?}"),
+        ),
+        None if steady => (
+            format!("{} jammed {kind}", options.count),
+            FLUID[d],
+            "\"random\"".to_owned(),
+            format!("until_reduced_pressure = {:?}", options.reduced_pressure),
         ),
         None => (
             format!("{} jammed {kind}", options.count),
@@ -95,6 +104,7 @@ fn text(options: &Pack) -> Result<String, Failure> {
     let usual = match options.packing_fraction {
         Some(fraction) if fraction <= FAST_UP_TO[d] => FAST,
         Some(_) => SLOW,
+        None if steady => JAMMING_BETWEEN_WALLS,
         None => JAMMING,
     };
     let rate = options.rate.unwrap_or(usual);

@@ -25,8 +25,12 @@ use crate::placement::velocity::{Bath, equilibrate, maxwell};
 /// Packing fraction of the larger box, in two and three dimensions: that of a fluid, which forgets how it
 /// has been placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
-/// Growth of the largest diameter in a unit of time by the thermal speed, one after the other.
+/// Growth of the largest diameter in a unit of time by the thermal speed, one after the other, for packings
+/// that fast growth reaches and for denser ones (benches/record/packings.md).
 const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
+const DENSE_RATES: [f64; 3] = [0.015, 0.005, 0.002];
+/// Packing fractions from which on a packing is one of the denser, in two and three dimensions.
+const DENSE: [f64; 2] = [0.78, 0.6];
 /// Collisions per particle between two looks at the pressure.
 const STEP: u64 = 10;
 /// Looks before the first that counts: particles that have been pushed apart nearly touch at the start.
@@ -75,7 +79,8 @@ pub(crate) fn dense(
         return Ok(position);
     }
     let mut most: f64 = start;
-    for rate in RATES {
+    let rates = if wanted > DENSE[dimension.count() - 2] { &DENSE_RATES[..] } else { &RATES[..] };
+    for &rate in rates {
         match grow(&larger, dimension, radius, &position, rate, scale, seed, progress) {
             Ok(position) => return Ok(into(domain, dimension, position)),
             Err(Jammed { packing_fraction }) => most = most.max(packing_fraction),
