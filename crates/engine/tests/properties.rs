@@ -362,7 +362,9 @@ fn check_measured(
         prop_assert!(sample.time == 0.0 || off <= allowed, "trace is off by {off:e} of {scale:e}");
     }
     let fixed = system.classes.iter().any(|class| class.mass.is_infinite());
-    if !sample.wall_force.is_empty() && !fixed && system.drives.is_empty() && sample.time > 0.0 {
+    // Under compression the flow changes momentum, too.
+    let balances = !fixed && system.drives.is_empty() && system.domain.compression.is_none();
+    if !sample.wall_force.is_empty() && balances && sample.time > 0.0 {
         let mass: f64 = system.bodies.iter().map(|body| system.classes[body.class as usize].mass).sum();
         let force: DVec3 = sample.wall_force.iter().sum();
         let gained = sample.momentum - start;
