@@ -20,8 +20,8 @@ use crate::{
 /// Packing fraction at which a growth to a stated packing fraction begins, at most, in two and three
 /// dimensions: that of a fluid, which forgets how it was placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
-/// Packing fraction to which a jammed packing grows slowly, which decides where it jams; from there on it grows
-/// fast. Between walls, where particles jam at lower packing fractions, growth has one rate.
+/// Packing fraction to which a jammed packing grows slowly, which decides where it jams; from there on it
+/// grows fast. Between walls, where particles jam at lower packing fractions, growth has one rate.
 const DENSE: [f64; 2] = [0.80, 0.62];
 /// Rates by which sizes grow fast, and slowly; up to these packing fractions growth is fast.
 const FAST: f64 = 0.1;
