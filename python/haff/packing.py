@@ -271,7 +271,8 @@ class Packing(ReadOnly):
         """A scene that starts from the packing, for :func:`haff.run` and :func:`haff.save_scene`.
 
         Its box is that of the packing, its species those of the run; velocities are drawn for temperature 1 and
-        contacts are elastic. It reads the file when it runs: :meth:`save` a temporary one before, or keep the packing.
+        contacts are elastic. It ends at t = 10, with ``growth`` at the end of that, unless ``run`` says when. It reads
+        the file when it runs: :meth:`save` a temporary one before, or keep the packing.
 
         Parameters
         ----------
@@ -299,7 +300,10 @@ class Packing(ReadOnly):
             "initial": {"positions": {"file": str(self.path.absolute())}, "temperature": 1.0},
             "run": {"until": 10.0},
         }
-        for key, value in dotted(overrides).items():
+        changes = dotted(overrides)
+        if any(key.partition(".")[0] == "growth" for key in changes):
+            del scene["run"]
+        for key, value in changes.items():
             _put(scene, key, value)
         return scene
 
