@@ -307,8 +307,8 @@ fn growth_is_a_compression_that_ends_on_a_packing_fraction() {
     let more = "growth = { rate = 0.1, temperature = 2.0, until_packing_fraction = 0.5 }";
     let found = sound("", more);
     assert_eq!(found.system.domain.compression.unwrap().rates, DVec3::splat(0.1));
-    let DriveKind::Rescale { temperature, interval } = found.system.drives[0].kind else { panic!() };
-    assert_eq!((temperature, interval, &found.system.drives[0].species[..]), (2.0, 0.01 / 0.1, &[0][..]));
+    let DriveKind::Hold { temperature, longest } = found.system.drives[0].kind else { panic!() };
+    assert_eq!((temperature, longest, &found.system.drives[0].species[..]), (2.0, 0.01 / 0.1, &[0][..]));
     assert_eq!(found.run.until_of, UntilOf::PackingFraction);
     let edge = 8.0 * (1.0 - 0.1 * found.run.until.unwrap());
     assert!((FILLED / edge.powi(3) - 0.5).abs() < 1e-14);
