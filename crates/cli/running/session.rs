@@ -248,6 +248,9 @@ impl Session<'_> {
         let mut frames = plan(self.output.frames, frame.unwrap_or(from));
         let mut samples = if self.controls.watch {
             Times::after(self.output.observables, from)
+        } else if self.run.growth.is_some() {
+            // They test the pressure, with an output file and without.
+            Times::after(self.output.observables, sample.unwrap_or(from))
         } else {
             plan(self.output.observables, sample.unwrap_or(from))
         };
