@@ -38,6 +38,7 @@ fn a_pair_separates_at_e_times_the_approach_speed_and_twice_delta() {
         r: DVec3::X,
         distance: 1.0,
         n: DVec3::X,
+        image_velocity: DVec3::ZERO,
         time: 0,
     };
     let (u0, u1, impact) = law.resolve::<Polydisperse>(world, &contact);

@@ -147,8 +147,8 @@ pub(crate) fn touch<F: Features>(
     let (mut ri, wi) = state_at_event::<F>(world, i, time);
     let (mut rj, mut wj) = state_at_event::<F>(world, j, time);
     let mut r = rj - ri;
+    let mut image_velocity = DVec3::ZERO;
     if F::DEFORMS {
-        let image_velocity;
         (r, image_velocity) = world.nearest_image(r, time);
         wj += image_velocity;
     } else {
@@ -183,6 +183,8 @@ pub(crate) fn touch<F: Features>(
             rj += n * shift_j;
         }
     }
-    let contact = PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], r, distance, n, time };
+    let velocities = [wi, wj];
+    let contact =
+        PairContact { bodies: [i, j], classes: [a, b], velocities, image_velocity, r, distance, n, time };
     Ok((contact, [ri, rj]))
 }

@@ -16,8 +16,10 @@ use crate::{
 pub(crate) struct PairContact {
     pub bodies: [u32; 2],
     pub classes: [ClassData; 2],
-    /// Under shear the second one is that of the image in contact.
+    /// In a box that deforms the second one is that of the image in contact, by `image_velocity` more than
+    /// its own.
     pub velocities: [DVec3; 2],
+    pub image_velocity: DVec3,
     /// Vector from the first to the second, its length, and the unit vector along it.
     pub r: DVec3,
     pub distance: f64,

@@ -57,7 +57,8 @@ pub(crate) fn collide<F: Features>(
         [ui, uj]
     };
     if F::DEFORMS {
-        uj -= world.nearest_image(rj - ri, time).1;
+        // Of the same image: where two are as near as each other, rounding would choose again.
+        uj -= contact.image_velocity;
     }
     if a.inverse_mass != 0.0 {
         check_velocity(world, i, ui, time)?;

@@ -104,13 +104,14 @@ impl World {
     pub fn begin_horizon(&mut self) -> i64 {
         let Some(images) = self.boundary.deformation else { return i64::MAX };
         let time = self.clock.time(self.now);
-        let end = (self.now as f64 + images.horizon(time) * self.clock.per_time).min(LONGEST);
+        let horizon = images.horizon(time);
+        let end = (self.now as f64 + horizon * self.clock.per_time).min(LONGEST);
         let end = (end as i64).max(self.now + 1);
         if !images.stretches() {
             return end;
         }
         // Beyond the horizon by more than events are rounded.
-        let later = time + 1.01 * images.horizon(time);
+        let later = time + 1.01 * horizon;
         let certain = images.edges(time).min(images.edges(later)) * (1.0 - 1e-9);
         let periodicity = &mut self.boundary.periodicity;
         for axis in (0..3).filter(|&axis| periodicity.is_periodic[axis]) {

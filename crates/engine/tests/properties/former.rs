@@ -33,7 +33,7 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 48] = [
+pub const FORMER: [Recipe; 49] = [
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
@@ -656,6 +656,19 @@ pub const FORMER: [Recipe; 48] = [
         corner: true,
         at_kick: true,
         seed: 5_815_434_239_103_406_023,
+        ..PLAIN
+    },
+    // Two disks that jam between two images of each other: an impact took the image twice, once the other
+    // one, with its velocity.
+    Recipe {
+        flat: true,
+        far: true,
+        particles: 3,
+        species: 3,
+        restitution: 4,
+        rough: 1,
+        compression: 2,
+        seed: 7_896_000_023_845_376_288,
         ..PLAIN
     },
 ];

@@ -122,9 +122,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             let sheared = shear > 0;
             let one_in = |n: u64, bits: u32| (seed >> bits).is_multiple_of(n);
             let chosen = [1, 2, 3].get((seed >> 52) as usize % 24).copied().unwrap_or(0);
-            // In boxes a hundred times as large fast compressions have velocities of the flow that are far
-            // larger than peculiar ones (benches/record/accuracy.md).
-            let compression = if sheared || far { 0 } else { chosen };
+            let compression = if sheared { 0 } else { chosen };
             let deforms = sheared || compression > 0;
             let all_periodic = sheared || compression > 0 && rough > 0;
             Recipe {
