@@ -174,26 +174,9 @@ fn work_of_a_compression_along_one_axis_is_the_integral_of_the_normal_stress() {
         scene.measure.stress = true;
         let volume = scene.domain.size.x.powi(3);
         let axis = usize::from(rough);
-        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
-        let mut before = simulation.sample();
-        let mut spans = [0.01, 0.5, 2e-4, 3.0, 0.1, 5.0].into_iter().cycle();
-        for _ in 0..12 {
-            let time = before.time + spans.next().unwrap();
-            simulation.advance(until(time), &mut Silent).unwrap();
-            let sample = simulation.sample();
-            let span = sample.time - before.time;
-            let stress = sample.stress.unwrap().total();
-            let work = sample.ledger.term(Term::DriveWork) - before.ledger.term(Term::DriveWork);
-            let expected = rates[axis] * volume * span * stress[4 * axis];
-            let scale = sample.ledger.term(Term::DriveWork).abs();
-            assert!((work - expected).abs() < 1e-12 * scale + 1e-10 * work.abs(), "{work} {expected}");
-            let trace = (stress[0] + stress[4] + stress[8]) / 3.0;
-            let pressure = sample.pressure.unwrap();
-            assert!((pressure / trace - 1.0).abs() < 1e-9, "{pressure} {trace} {span}");
-            assert!(sample.ledger.residual.abs() < 1e-13, "{:e}", sample.ledger.residual);
-            assert!(sample.momentum.length() < 1e-11, "{}", sample.momentum);
-            before = sample;
-        }
+        let power = |stress: &[f64; 9]| rates[axis] * volume * stress[4 * axis];
+        let work = common::check_stress_power(scene, Term::DriveWork, 5.0, power);
+        assert!(work * rates[axis] > 0.0);
     }
 }
 

@@ -205,29 +205,10 @@ fn work_of_shear_is_the_integral_of_the_shear_stress() {
         }
         scene.measure.stress = true;
         let volume = scene.domain.size.x.powi(3);
-        let mut simulation = Simulation::new(scene, Options::default()).unwrap();
-        let mut before = simulation.sample();
-        let mut spans = [0.01, 0.5, 2e-4, 3.0, 0.1, 11.0].into_iter().cycle();
-        for _ in 0..12 {
-            let time = before.time + spans.next().unwrap();
-            simulation.advance(until(time), &mut Silent).unwrap();
-            let sample = simulation.sample();
-            let span = sample.time - before.time;
-            let stress = sample.stress.unwrap().total();
-            let work = sample.ledger.term(Term::ShearWork) - before.ledger.term(Term::ShearWork);
-            // Row: gradient, x. Column: flow, z.
-            let expected = -rate * volume * span * stress[2];
-            let scale = sample.ledger.term(Term::ShearWork).abs();
-            assert!((work - expected).abs() < 1e-12 * scale + 1e-10 * work.abs(), "{work} {expected}");
-            let trace = (stress[0] + stress[4] + stress[8]) / 3.0;
-            let pressure = sample.pressure.unwrap();
-            assert!((pressure / trace - 1.0).abs() < 1e-9, "{pressure} {trace} {span}");
-            assert!(sample.ledger.residual.abs() < 1e-13, "{:e}", sample.ledger.residual);
-            // Rounding of velocities of the size of the flow.
-            assert!(sample.momentum.length() < 1e-11, "{}", sample.momentum);
-            before = sample;
-        }
-        assert!(before.ledger.term(Term::ShearWork) > 100.0);
+        // Row: gradient, x. Column: flow, z.
+        let power = |stress: &[f64; 9]| -rate * volume * stress[2];
+        let work = common::check_stress_power(scene, Term::ShearWork, 11.0, power);
+        assert!(work > 100.0);
     }
 }
 

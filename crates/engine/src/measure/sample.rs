@@ -1,10 +1,8 @@
 //! One row of observables.
 
-use std::f64::consts::PI;
-
 use crate::{
     measure::totals::{Totals, ledger},
-    model::{Boundary, Dimension, System, spin::rotations},
+    model::{Boundary, System, spin::rotations},
     numerics::total::total,
     report::Sample,
     state::{State, world::World},
@@ -87,12 +85,16 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let flights = accumulators.counters.ended_flights() - accumulators.sampled_flights;
     let open = (0..d as usize).any(|axis| system.domain.boundary[axis] == Boundary::Open);
     let volume = if open { f64::NAN } else { system.domain.volume(system.dimension, time) };
+    let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
+    if system.domain.compression.is_some() && !first {
+        accumulators.compressed[0] += accumulators.virial();
+        accumulators.compressed[1] += thermal;
+    }
     let pressure = (!open).then(|| {
         if first || span <= 0.0 {
             return f64::NAN;
         }
         let volume = system.domain.mean_volume(system.dimension, [accumulators.sampled_at, time]);
-        let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
         (thermal + accumulators.virial()) / (d * volume * span)
     });
     let periodic = world.boundary.periodicity.is_periodic.contains(&true);
@@ -103,7 +105,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         time,
         box_volume: volume,
         packing_fraction: if system.domain.compression.is_some() {
-            filled(system.dimension, world) / volume
+            packing_fraction(system, world, time)
         } else {
             f64::NAN
         },
@@ -135,13 +137,10 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     sample
 }
 
-/// Volume of all particles [length^d].
-fn filled(dimension: Dimension, world: &World) -> f64 {
-    let [powers] = total(world.particles.len(), |i| {
-        let radius = world.body(i).radius;
-        [if dimension == Dimension::Two { radius * radius } else { radius * radius * radius }]
-    });
-    powers * if dimension == Dimension::Two { PI } else { 4.0 / 3.0 * PI }
+/// The part of the box that the particles fill at `time`.
+pub(crate) fn packing_fraction(system: &System, world: &World, time: f64) -> f64 {
+    let [filled] = total(world.particles.len(), |i| [system.dimension.volume(world.body(i).radius)]);
+    filled / system.domain.volume(system.dimension, time)
 }
 
 /// The rotational temperature of all particles, and of each species.

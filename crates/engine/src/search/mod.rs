@@ -6,7 +6,8 @@ The searches for the next event, and the loop that takes events from them.
 [`lists`] (of neighbors) are faster and support less. [`blocks`] shares steps of windows and lists among
 threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
 [`predict`] and [`batch`] are the predictions of pairs, [`planes`] filters walls, [`queue`] keeps one
-[`entry`] for each particle, with the [`search_event`] that it stands for; [`summary`] and [`case`] describe a
+[`entry`] for each particle, with the [`search_event`] that it stands for; [`moving`] has the axes of frames
+that deform with the box; [`summary`] and [`case`] describe a
 state and a scene to a search.
 
 *What to change here.* How fast an event is found, and which images of a new boundary a search visits. No
@@ -29,6 +30,7 @@ pub(crate) mod entry;
 pub(crate) mod event_loop;
 pub(crate) mod lists;
 pub(crate) mod matrix;
+pub(crate) mod moving;
 pub(crate) mod planes;
 pub(crate) mod predict;
 pub(crate) mod queue;

@@ -188,12 +188,20 @@ impl Simulation {
         }
         self.choice.after(self.state.accumulators.counters.collisions);
         let system = present_system(&self.system, &self.state.world);
-        if self.choice.reconsider(&system, &self.state.world) {
-            self.geometry = geometry(&system, &self.state.world, self.choice.filled());
-            self.engine = self.choice.compile(&system, &self.geometry);
-            drop(system);
-            self.rebuild();
+        let changed = self.choice.reconsider(&system, &self.state.world);
+        drop(system);
+        if changed {
+            self.compile();
         }
+    }
+
+    /// Makes the engine that has been chosen for the present state.
+    pub(super) fn compile(&mut self) {
+        let system = present_system(&self.system, &self.state.world);
+        self.geometry = geometry(&system, &self.state.world, self.choice.filled());
+        self.engine = self.choice.compile(&system, &self.geometry);
+        drop(system);
+        self.rebuild();
     }
 
     /// Runs events until the first of the bounds, or until nothing moves and no event is due.

@@ -244,8 +244,8 @@ impl Deformation {
         (0..3).map(along).fold(0.0, f64::max)
     }
 
-    /// A position whose box has the edges of time 0, and the peculiar velocity of a particle in it, in the
-    /// units of that box.
+    /// A position in the box of the edges of time 0: a particle at rest relative to the flow keeps it
+    /// \[length\].
     pub fn unstretched(&self, position: DVec3, time: Instant) -> DVec3 {
         position / self.scale(time.time())
     }

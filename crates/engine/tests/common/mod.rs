@@ -245,3 +245,36 @@ pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
     }
     reference
 }
+
+/// Checks that `term` of the balance is the integral of the `power`, which is that of a mean pressure
+/// tensor over an interval, in intervals of very different lengths up to the `longest`; and pressure and
+/// momentum with it. Returns the work.
+pub fn check_stress_power(
+    scene: System,
+    term: haff_engine::Term,
+    longest: f64,
+    power: impl Fn(&[f64; 9]) -> f64,
+) -> f64 {
+    let mut simulation = Simulation::new(scene, Options::default()).unwrap();
+    let mut before = simulation.sample();
+    let mut spans = [0.01, 0.5, 2e-4, 3.0, 0.1, longest].into_iter().cycle();
+    for _ in 0..12 {
+        let time = before.time + spans.next().unwrap();
+        simulation.advance(Until { time, ..Until::default() }, &mut Silent).unwrap();
+        let sample = simulation.sample();
+        let span = sample.time - before.time;
+        let stress = sample.stress.unwrap().total();
+        let work = sample.ledger.term(term) - before.ledger.term(term);
+        let expected = power(&stress) * span;
+        let scale = sample.ledger.term(term).abs();
+        assert!((work - expected).abs() < 1e-12 * scale + 1e-10 * work.abs(), "{work} {expected}");
+        let trace = (stress[0] + stress[4] + stress[8]) / 3.0;
+        let pressure = sample.pressure.unwrap();
+        assert!((pressure / trace - 1.0).abs() < 1e-9, "{pressure} {trace} {span}");
+        assert!(sample.ledger.residual.abs() < 1e-13, "{:e}", sample.ledger.residual);
+        // Rounding of velocities of the size of the flow.
+        assert!(sample.momentum.length() < 1e-11, "{}", sample.momentum);
+        before = sample;
+    }
+    before.ledger.term(term)
+}

@@ -152,7 +152,7 @@ impl FilterFrame {
             let mut most = 0.5 * (NEAREST * edge - reach) / sigma;
             if let Some(moving) = &moving {
                 let tilt = if axis == 0 { moving.largest_tilt() } else { 0.0 };
-                let room = NEAREST * edge * moving.shortest() - reach * (1.0 + tilt);
+                let room = NEAREST * edge * moving.axes.shortest() - reach * (1.0 + tilt);
                 most = 0.5 * room / sigma / (1.0 + LARGEST_CHANGE);
             }
             max_displacement = max_displacement.min(most);

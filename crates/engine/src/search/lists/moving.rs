@@ -25,8 +25,9 @@ use glam::DVec3;
 
 use crate::{
     model::System,
+    search::moving::MovingAxes,
     state::{
-        deformation::{Deformation, HORIZON, SHEAR_HORIZON},
+        deformation::{HORIZON, SHEAR_HORIZON},
         world::World,
     },
 };
@@ -74,87 +75,58 @@ impl Motion {
 /// The frame of a box that deforms.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MovingFrame {
-    /// The axes of the flow, of the gradient, and the third one: the axes of the frame in this order.
-    pub order: [usize; 3],
-    images: Deformation,
-    /// Edge along the flow by that along the gradient, and the latter \[length\].
-    ratio: f64,
-    height: f64,
+    pub axes: MovingAxes,
     /// k at the beginning of the span, and when lists were made.
     tilt: f64,
     pub list_tilt: f64,
     /// Edges when lists were made \[length\].
     list_edges: [f64; 3],
-    /// The diagonal of G at the beginning of the span, and γ̇ [1/time].
+    /// The diagonal of G at the beginning of the span [1/time].
     diagonal: [f64; 3],
-    rate: f64,
-}
-
-/// By how much the contact distance is larger in lengths of the lists, until these are made again.
-pub(super) fn strain(images: &Deformation) -> f64 {
-    match &images.sliding {
-        // The largest factor of a length in a simple shear.
-        Some(_) => (1.0 + 0.25 * SHEAR_HORIZON * SHEAR_HORIZON).sqrt() + 0.5 * SHEAR_HORIZON - 1.0,
-        None => 1.0 / (1.0 - HORIZON) - 1.0,
-    }
 }
 
 impl MovingFrame {
     pub fn of(system: &System) -> Option<Self> {
-        let images = Deformation::of(system)?;
-        let (flow, gradient) = images.sliding.map_or((0, 1), |shear| (shear.flow, shear.gradient));
-        let order = [flow, gradient, 3 - flow - gradient];
-        let size = system.domain.size;
-        Some(Self {
-            order,
-            images,
-            ratio: size[flow] / size[gradient],
-            height: size[gradient],
-            tilt: 0.0,
-            list_tilt: 0.0,
-            list_edges: order.map(|axis| size[axis]),
-            diagonal: [0.0; 3],
-            rate: images.sliding.map_or(0.0, |shear| shear.rate),
-        })
+        let axes = MovingAxes::of(system)?;
+        let list_edges = axes.ordered(system.domain.size);
+        Some(Self { axes, tilt: 0.0, list_tilt: 0.0, list_edges, diagonal: [0.0; 3] })
     }
 
-    /// The components of a vector in the order of the axes of the frame.
-    #[inline(always)]
-    pub fn ordered(&self, vector: DVec3) -> [f64; 3] {
-        self.order.map(|axis| vector[axis])
+    /// By how much the contact distance is larger in lengths of the lists, until these are made again.
+    pub fn strain(&self) -> f64 {
+        if self.axes.stretches() {
+            1.0 / (1.0 - HORIZON) - 1.0
+        } else {
+            // The largest factor of a length in a simple shear.
+            (1.0 + 0.25 * SHEAR_HORIZON * SHEAR_HORIZON).sqrt() + 0.5 * SHEAR_HORIZON - 1.0
+        }
     }
 
     /// Largest tilt of any span.
     pub fn largest_tilt(&self) -> f64 {
-        if self.images.stretches() { 0.0 } else { 0.5 * self.ratio + SHEAR_HORIZON + LARGEST_CHANGE }
-    }
-
-    /// By how much edges can be shorter than when lists were made.
-    pub fn shortest(&self) -> f64 {
-        if self.images.stretches() { 1.0 - HORIZON } else { 1.0 }
+        if self.axes.stretches() { 0.0 } else { 0.5 * self.axes.ratio + SHEAR_HORIZON + LARGEST_CHANGE }
     }
 
     /// Longest span [time].
     pub fn longest(&self) -> f64 {
-        let fastest = self.diagonal.iter().fold(self.rate.abs(), |fastest, rate| fastest.max(rate.abs()));
+        let fastest =
+            self.diagonal.iter().fold(self.axes.rate.abs(), |fastest, rate| fastest.max(rate.abs()));
         LARGEST_CHANGE / fastest
     }
 
     /// Sets the frame for a span from `ticks` on, with edges \[length\] along the axes that are periodic: the
     /// edges then. If lists are `made`, they are made there.
     pub fn begin(&mut self, world: &World, ticks: i64, edges: &mut [f64; 3], made: bool) {
-        let time = world.clock.time(ticks);
-        if self.images.stretches() {
-            let present = self.ordered(world.periodicity(ticks).size);
-            self.diagonal = self.ordered(self.images.rates / self.images.scale(time));
-            for axis in (0..3).filter(|&axis| self.images.rates[self.order[axis]] != 0.0) {
-                edges[axis] = present[axis];
+        if self.axes.stretches() {
+            self.diagonal = self.axes.diagonal(world, ticks);
+            for (edge, present) in edges.iter_mut().zip(self.axes.changed_edges(world, ticks)) {
+                *edge = present.unwrap_or(*edge);
             }
         } else {
-            let tilt = world.displacement(ticks).offset / self.height;
+            let (tilt, ratio) = (self.axes.tilt(world, ticks), self.axes.ratio);
             // Not reduced by an edge while lists are in use.
-            let turns = if made { 0.0 } else { ((self.tilt - tilt) / self.ratio).round_ties_even() };
-            self.tilt = tilt + turns * self.ratio;
+            let turns = if made { 0.0 } else { ((self.tilt - tilt) / ratio).round_ties_even() };
+            self.tilt = tilt + turns * ratio;
         }
         if made {
             (self.list_tilt, self.list_edges) = (self.tilt, *edges);
@@ -165,7 +137,7 @@ impl MovingFrame {
     pub fn motion(&self, step: f64, edges: &[f64; 3]) -> Motion {
         Motion {
             tilt: self.tilt as f32,
-            shear: (self.rate * step) as f32,
+            shear: (self.axes.rate * step) as f32,
             stretch: self.diagonal.map(|rate| (rate * step) as f32),
             to_lists: [0, 1, 2].map(|axis| (self.list_edges[axis] / edges[axis]) as f32),
         }
@@ -175,11 +147,11 @@ impl MovingFrame {
     /// coordinates, of a path that is at `position` then.
     #[inline(always)]
     pub fn path(&self, position: DVec3, velocity: DVec3) -> [[f64; 3]; 2] {
-        let (mut r, mut v) = (self.ordered(position), self.ordered(velocity));
+        let (mut r, mut v) = (self.axes.ordered(position), self.axes.ordered(velocity));
         for axis in 0..3 {
             v[axis] -= self.diagonal[axis] * r[axis];
         }
-        v[0] -= self.rate * r[1] + self.tilt * v[1];
+        v[0] -= self.axes.rate * r[1] + self.tilt * v[1];
         r[0] -= self.tilt * r[1];
         [r, v]
     }

@@ -10,13 +10,12 @@ use crate::{
         case::{Case, Reason},
         summary::{LocalDensity, SystemSummary},
     },
-    state::deformation::Deformation,
     support::geometry::{axes, planes},
 };
 
 use super::{
     frame::{self, Extent, FilterFrame},
-    moving::{self, MovingFrame},
+    moving::MovingFrame,
 };
 
 /// Mean number of members of a list. With the first value most lists, fluctuations included, fit into two
@@ -107,14 +106,14 @@ impl Plan {
         let (mut kinds, mut size) = (axes(system), system.domain.size);
         let beyond = beyond_faces(kinds, size, &planes(system));
         let moving = MovingFrame::of(system);
-        let strain = Deformation::of(system).map_or(0.0, |images| moving::strain(&images));
+        let strain = moving.map_or(0.0, |moving| moving.strain());
         // The shortest edges, for a distance that is longer along them in coordinates.
         let mut shortest = size;
         if let Some(moving) = &moving {
             // Only without walls: then axes are all alike but for their lengths.
-            size = DVec3::from_array(moving.ordered(size));
-            kinds = moving.order.map(|axis| kinds[axis]);
-            shortest = size * moving.shortest();
+            size = DVec3::from_array(moving.axes.ordered(size));
+            kinds = moving.axes.order.map(|axis| kinds[axis]);
+            shortest = size * moving.axes.shortest();
             shortest.x /= 1.0 + moving.largest_tilt();
         }
         // Where a wall moves on and on, there is no limit to positions.

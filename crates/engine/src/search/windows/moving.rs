@@ -23,13 +23,7 @@ along ξ: searches extend farther along this axis. Under compression they are up
 use glam::DVec3;
 use haff_neighbors::Geometry;
 
-use crate::{
-    model::System,
-    state::{
-        deformation::{Deformation, HORIZON},
-        world::World,
-    },
-};
+use crate::{model::System, search::moving::MovingAxes, state::world::World};
 
 use super::axes::{Axes, Tilt};
 
@@ -44,15 +38,7 @@ pub(super) const LARGEST_RATIO: f64 = 4.0;
 /// The frame of the windows of a box that deforms.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MovingFrame {
-    /// The axes of the flow, of the gradient, and the third one: the axes of the grid in this order.
-    order: [usize; 3],
-    images: Deformation,
-    /// γ̇ [1/time].
-    rate: f64,
-    /// Edge along the flow by that along the gradient.
-    pub ratio: f64,
-    /// Edge along the gradient \[length\].
-    height: f64,
+    pub axes: MovingAxes,
     /// k at the start of the window.
     tilt: f64,
     /// The diagonal of G at the start of the window [1/time].
@@ -70,25 +56,14 @@ pub(super) struct GridFlight {
 
 impl MovingFrame {
     pub fn of(system: &System) -> Option<Self> {
-        let images = Deformation::of(system)?;
-        let (flow, gradient) = images.sliding.map_or((0, 1), |shear| (shear.flow, shear.gradient));
-        let size = system.domain.size;
-        Some(Self {
-            order: [flow, gradient, 3 - flow - gradient],
-            images,
-            rate: images.sliding.map_or(0.0, |shear| shear.rate),
-            ratio: size[flow] / size[gradient],
-            height: size[gradient],
-            tilt: 0.0,
-            diagonal: [0.0; 3],
-        })
+        Some(Self { axes: MovingAxes::of(system)?, tilt: 0.0, diagonal: [0.0; 3] })
     }
 
     /// The geometry with its axes in the order of the frame.
     pub fn ordered(&self, geometry: &Geometry) -> Geometry {
         Geometry {
-            size: DVec3::from_array(self.order.map(|axis| geometry.size[axis])),
-            axes: self.order.map(|axis| geometry.axes[axis]),
+            size: DVec3::from_array(self.axes.ordered(geometry.size)),
+            axes: self.axes.order.map(|axis| geometry.axes[axis]),
             ..geometry.clone()
         }
     }
@@ -97,37 +72,30 @@ impl MovingFrame {
     /// edges along the flow per edge along the gradient the tilt is now less than the tilt that has grown
     /// for `duration` \[time\].
     pub fn start(&mut self, world: &World, ticks: i64, duration: f64, axes: &mut Axes) -> i32 {
-        if self.images.stretches() {
-            let time = world.clock.time(ticks);
-            // Those of the world: the system of a search has the edges at which it was made.
-            let edges = world.periodicity(ticks).size;
-            let rates = self.images.rates / self.images.scale(time);
-            for axis in (0..3).filter(|&axis| self.images.rates[axis] != 0.0) {
-                axes.set_edge(axis, edges[axis]);
+        if self.axes.stretches() {
+            for (axis, edge) in self.axes.changed_edges(world, ticks).into_iter().enumerate() {
+                if let Some(edge) = edge {
+                    axes.set_edge(axis, edge);
+                }
             }
-            self.diagonal = rates.to_array();
+            self.diagonal = self.axes.diagonal(world, ticks);
             return 0;
         }
-        let tilt = world.displacement(ticks).offset / self.height;
-        let grown = self.tilt + self.rate * duration;
+        let tilt = self.axes.tilt(world, ticks);
+        let grown = self.tilt + self.axes.rate * duration;
         self.tilt = tilt;
-        ((grown - tilt) / self.ratio).round_ties_even() as i32
+        ((grown - tilt) / self.axes.ratio).round_ties_even() as i32
     }
 
     /// Largest tilt of any window.
     pub fn largest_tilt(&self) -> f64 {
-        if self.images.stretches() { 0.0 } else { 0.5 * self.ratio + LARGEST_CHANGE }
-    }
-
-    /// The part of the edges of the geometry that is left until windows are made again for others.
-    pub fn shortest(&self) -> f64 {
-        if self.images.stretches() { 1.0 - HORIZON } else { 1.0 }
+        if self.axes.stretches() { 0.0 } else { 0.5 * self.axes.ratio + LARGEST_CHANGE }
     }
 
     /// Longest window \[time\].
     pub fn longest(&self) -> f64 {
         let stretch = self.diagonal.iter().fold(0.0, |largest: f64, rate| largest.max(rate.abs()));
-        (LARGEST_CHANGE / self.rate.abs()).min(LARGEST_STRETCH / stretch)
+        (LARGEST_CHANGE / self.axes.rate.abs()).min(LARGEST_STRETCH / stretch)
     }
 
     /// Square of the speed at which a particle moves in the grid at the start of a window.
@@ -139,9 +107,10 @@ impl MovingFrame {
     /// The flight of a particle `elapsed` \[time\] after the start of a window of the length `step` \[time\].
     #[inline(always)]
     pub fn flight(&self, position: DVec3, velocity: DVec3, elapsed: f64, step: f64) -> GridFlight {
-        let [x, y, z] = self.order.map(|axis| position[axis]);
-        let [vx, vy, vz] = self.order.map(|axis| velocity[axis]);
-        if self.images.stretches() {
+        let rate = self.axes.rate;
+        let [x, y, z] = self.axes.ordered(position);
+        let [vx, vy, vz] = self.axes.ordered(velocity);
+        if self.axes.stretches() {
             let (position, velocity) = ([x, y, z], [vx, vy, vz]);
             let mut flight = GridFlight { position, start: position, displacement: velocity };
             for axis in 0..3 {
@@ -153,9 +122,9 @@ impl MovingFrame {
             return flight;
         }
         let first = y - vy * elapsed;
-        let along = vx - self.rate * first;
+        let along = vx - rate * first;
         GridFlight {
-            position: [x - (self.tilt + self.rate * elapsed) * y, y, z],
+            position: [x - (self.tilt + rate * elapsed) * y, y, z],
             start: [x - vx * elapsed - self.tilt * first, first, z - vz * elapsed],
             displacement: [(along - self.tilt * vy) * step, vy * step, vz * step],
         }
@@ -164,7 +133,7 @@ impl MovingFrame {
     /// Sets the tilt of the axes, for a window of the length `step` \[time\] in which no particle is
     /// displaced by more than `displacement` \[length\].
     pub fn tilt(&self, axes: &mut Axes, step: f64, displacement: f64) {
-        let change = self.rate * step;
+        let change = self.axes.rate * step;
         let stretch = self.diagonal.map(|rate| rate * step);
         axes.tilt = Tilt {
             start: self.tilt as f32,
@@ -172,7 +141,7 @@ impl MovingFrame {
             stretch: stretch.map(|g| g as f32),
             end: stretch.map(|g| (1.0 / (1.0 + g)) as f32),
         };
-        if self.images.stretches() {
+        if self.axes.stretches() {
             let low = stretch.iter().copied().fold(f64::INFINITY, f64::min);
             let high = stretch.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             // Along axes with different rates a path is bent, by little more than under shear.

@@ -97,7 +97,7 @@ impl<F: Features> Windows<F> {
             .map(|axis| match self.geometry.axes[axis] {
                 Axis::Periodic if F::DEFORMS => {
                     let tilt = if axis == 0 { tilt } else { 0.0 };
-                    let shortest = moving.map_or(1.0, |frame| frame.shortest());
+                    let shortest = moving.map_or(1.0, |frame| frame.axes.shortest());
                     let contact = largest_contact * (1.0 + tilt) / shortest;
                     0.5 * (NEAREST * shortest * self.geometry.size[axis] - contact) / (1.0 + 2.0 * tilt)
                 }
@@ -249,7 +249,7 @@ impl<F: Features> Windows<F> {
         let Some(frame) = moving else { return true };
         let turns = frame.start(world, *begin, *step, &mut space.cells.axes);
         if turns != 0 {
-            space.reduce_tilt(turns, frame.ratio);
+            space.reduce_tilt(turns, frame.axes.ratio);
         }
         frame.tilt(&mut space.cells.axes, *step, f64::from(*max_displacement));
         space.are_within(*max_displacement)
