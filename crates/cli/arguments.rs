@@ -179,8 +179,7 @@ pub struct Pack {
     pub container: Container,
     /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams
     /// later, and equal particles crystallise. Default: 0.1 up to packing fractions of 0.62 (disks: 0.82),
-    /// 0.01 above. To jamming 0.015 up to a packing fraction of 0.62 (0.80) and then 0.1, in a box with
-    /// walls 0.03; a rate that is given holds from 0.5 (0.65) on.
+    /// 0.01 above, and 0.02 to jamming.
     #[arg(long, value_name = "R")]
     pub rate: Option<f64>,
     /// Seed of the random numbers.

@@ -6,30 +6,26 @@ use haff_scene::Scene;
 
 use crate::{
     arguments::{Container, Pack},
-    commands::run::set_threads,
+    commands::run::{set_threads, tell},
     running::{controls::Controls, single, states::States},
     terminal::{
         failure::{Failure, Status, scene_failure},
-        output, overwrite,
+        overwrite,
         progress::Progress,
         signals::Signals,
         words::say,
     },
 };
 
-/// Packing fraction at which a growth to a stated packing fraction begins, at most, in two and three
-/// dimensions: that of a fluid, which forgets how it was placed.
+/// Packing fraction at which growth begins, at most, in two and three dimensions: that of a fluid, which
+/// forgets how it was placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
-/// Packing fraction to which a jammed packing grows slowly, which decides where it jams; from there on it
-/// grows fast. Between walls, where particles jam at lower packing fractions, growth has one rate.
-const DENSE: [f64; 2] = [0.80, 0.62];
-/// Rates by which sizes grow fast, and slowly; up to these packing fractions growth is fast.
+/// Rates by which sizes grow to these packing fractions, beyond them, and until they jam
+/// (benches/record/packings.md).
 const FAST: f64 = 0.1;
-const SLOW: f64 = 0.01;
 const FAST_UP_TO: [f64; 2] = [0.82, 0.62];
-/// Rates towards jamming: after a slow growth, and between walls (benches/record/packings.md).
-const JAMMING: f64 = 0.1;
-const JAMMING_BETWEEN_WALLS: f64 = 0.03;
+const SLOW: f64 = 0.01;
+const JAMMING: f64 = 0.02;
 /// Frames of a run.
 const FRAMES: f64 = 10.0;
 /// Rows of observables of a growth to a stated packing fraction: the last interval is not empty.
@@ -43,15 +39,7 @@ pub fn pack(options: &Pack, logs: bool) -> Result<u8, Failure> {
     let controls = Controls { signals: &signals, progress, watch: false };
     overwrite::check(&options.output, &[], options.overwrite)?;
     let scene = scene(options)?;
-    let finished = single::start(scene, options.overwrite, controls)?;
-    let printed = if options.json { output::line(&finished.report) } else { Ok(()) };
-    if !options.quiet {
-        finished.print_summary();
-    }
-    match finished.status()? {
-        0 => printed.map(|()| 0),
-        status => Ok(status),
-    }
+    tell(&single::start(scene, options.overwrite, controls)?, options.json, options.quiet)
 }
 
 /// The scene of the growth.
@@ -79,33 +67,19 @@ fn text(options: &Pack) -> Result<String, Failure> {
         let name = say("--reduced-pressure", "reduced_pressure");
         return refuse(format!("{name}: must be above 1, at most 1e12"));
     }
-    // One rate for all of a growth to jamming.
-    let steady = options.container == Container::Box || options.rate.is_some();
-    let (title, start, positions, end) = match options.packing_fraction {
+    let (title, start, usual, end) = match options.packing_fraction {
         Some(fraction) => (
             format!("{} {kind} grown to a packing fraction of {fraction}", options.count),
             FLUID[d].min(0.8 * fraction),
-            "\"random\"".to_owned(),
+            if fraction <= FAST_UP_TO[d] { FAST } else { SLOW },
             format!("until_packing_fraction = {fraction:?}"),
-        ),
-        None if steady => (
-            format!("{} jammed {kind}", options.count),
-            FLUID[d],
-            "\"random\"".to_owned(),
-            format!("until_reduced_pressure = {:?}", options.reduced_pressure),
         ),
         None => (
             format!("{} jammed {kind}", options.count),
-            DENSE[d],
-            format!("{{ packing = {:?} }}", DENSE[d]),
+            FLUID[d],
+            JAMMING,
             format!("until_reduced_pressure = {:?}", options.reduced_pressure),
         ),
-    };
-    let usual = match options.packing_fraction {
-        Some(fraction) if fraction <= FAST_UP_TO[d] => FAST,
-        Some(_) => SLOW,
-        None if steady => JAMMING_BETWEEN_WALLS,
-        None => JAMMING,
     };
     let rate = options.rate.unwrap_or(usual);
     let (boundary, sizes) = (
@@ -139,7 +113,7 @@ fn text(options: &Pack) -> Result<String, Failure> {
          radius = {sizes}\n\
          mass = 1.0\n\n\
          [initial]\n\
-         positions = {positions}\n\
+         positions = \"random\"\n\
          temperature = 1.0\n\n\
          [contact]\n\
          restitution = 1.0\n\n\

@@ -2,7 +2,13 @@
 
 use crate::{
     arguments::Run,
-    running::{continued, controls::Controls, single, states::States, warnings::warnings},
+    running::{
+        continued,
+        controls::Controls,
+        single::{self, Finished},
+        states::States,
+        warnings::warnings,
+    },
     terminal::{
         failure::{Failure, Status, scene_failure},
         output, overwrite,
@@ -58,9 +64,14 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
         }
         (None, None) => return Err(Failure::new(Status::Invalid, "a scene file is needed")),
     };
+    tell(&finished, options.json, options.quiet)
+}
+
+/// Prints a run that has ended, and returns its exit status.
+pub fn tell(finished: &Finished, json: bool, quiet: bool) -> Result<u8, Failure> {
     // A failure of the run takes precedence over one of printing its report.
-    let printed = if options.json { output::line(&finished.report) } else { Ok(()) };
-    if !options.quiet {
+    let printed = if json { output::line(&finished.report) } else { Ok(()) };
+    if !quiet {
         finished.print_summary();
     }
     match finished.status()? {

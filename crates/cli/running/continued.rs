@@ -109,15 +109,8 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
         parts,
     };
     let recorded = Recorded::default();
-    let session = Session {
-        simulation,
-        run,
-        output: &output,
-        recorder: recorder.as_ref(),
-        controls,
-        recorded,
-        compressed: None,
-    };
+    let session =
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded };
     let outcome = session.run(false);
     Ok(Finished::new(outcome, context, recorder))
 }

@@ -7,14 +7,10 @@ use console::Term;
 use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
-use haff_scene::{OutputPlan, RunPlan, UntilOf};
+use haff_scene::{Grown, OutputPlan, RunPlan, UntilOf};
 
 use crate::{
-    running::{
-        compressing::{self, Grown},
-        controls::Controls,
-        schedule::Times,
-    },
+    running::{compressing, controls::Controls, schedule::Times},
     terminal::{progress::Progress, watch::Watch},
 };
 
@@ -190,8 +186,6 @@ pub struct Session<'a> {
     pub controls: Controls<'a>,
     /// What has been recorded before.
     pub recorded: Recorded,
-    /// A box that is compressed, at the last sample.
-    pub compressed: Option<compressing::Compressed>,
 }
 
 /// Shows a sample with `--watch`, unless the last one is too recent.
@@ -248,9 +242,6 @@ impl Session<'_> {
         let mut frames = plan(self.output.frames, frame.unwrap_or(from));
         let mut samples = if self.controls.watch {
             Times::after(self.output.observables, from)
-        } else if self.run.growth.is_some() {
-            // They test the pressure, with an output file and without.
-            Times::after(self.output.observables, sample.unwrap_or(from))
         } else {
             plan(self.output.observables, sample.unwrap_or(from))
         };
@@ -277,7 +268,8 @@ impl Session<'_> {
 
         let ending = loop {
             let due = frames.next().min(samples.next()).min(checkpoints.next());
-            let step = self.next_step();
+            let done = self.simulation.counters().collisions;
+            let step = self.run.growth.map_or(u64::MAX, |growth| growth.next(done));
             let target = Until { time: due.min(until), collisions: collisions.min(step), entries: slice };
             let began = Instant::now();
             let stop = self.simulation.advance(target, &mut log);
@@ -308,9 +300,6 @@ impl Session<'_> {
                         break self.run.until_of.into();
                     }
                     self.record(frame, frame || sample, &mut |sample| show(&mut watch, &progress, sample))?;
-                    if let Some(ending) = self.grown() {
-                        break ending;
-                    }
                     if checkpoint {
                         log.hand_over()?;
                         self.checkpoint()?;
@@ -339,31 +328,28 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// The number of collisions at which the pressure of a growth is tested next: multiples of a number, so
-    /// that a run that is resumed has the same samples.
-    fn next_step(&self) -> u64 {
-        let done = self.simulation.counters().collisions;
-        self.run.growth.map_or(u64::MAX, |growth| (done / growth.step + 1).saturating_mul(growth.step))
-    }
-
-    /// How a growth ends at the last sample, if it does.
-    fn grown(&self) -> Option<Ending> {
-        let (growth, last) = (self.run.growth.as_ref()?, self.compressed?);
-        Some(match last.end(growth, self.simulation.counters().collisions)? {
+    /// How a growth ends after the present step, if it does.
+    fn grown(&mut self) -> Option<Ending> {
+        let growth = self.run.growth?;
+        let last = compressing::take(&mut self.simulation)?;
+        Some(match growth.grown(&last, self.simulation.counters().collisions)? {
             Grown::ReducedPressure => Ending::ReducedPressure,
             Grown::Jammed { wanted } => Ending::Jammed(format!(
-                "{last}, below growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later"
+                "{}, below growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later",
+                compressing::jammed(&last)
             )),
         })
     }
 
     /// What a box that becomes smaller is like now.
     fn jammed(&mut self) -> Option<String> {
-        if self.compressed.is_none_or(|last| last.time != self.simulation.time()) {
-            let row = self.simulation.sample();
-            self.compressed = compressing::Compressed::of(&self.simulation, &row);
+        if !compressing::shrinks(&self.simulation) {
+            return None;
         }
-        self.compressed.filter(|last| last.shrinks).map(|last| last.to_string())
+        if self.recorded.sample != Some(self.simulation.time()) {
+            self.simulation.sample();
+        }
+        compressing::take(&mut self.simulation).map(|last| compressing::jammed(&last))
     }
 
     /// Records the end, and a checkpoint.
@@ -392,7 +378,6 @@ impl Session<'_> {
         if sample && (self.recorder.is_some() || self.controls.watch || self.run.growth.is_some()) {
             let row = self.simulation.sample();
             show(&row);
-            self.compressed = compressing::Compressed::of(&self.simulation, &row);
             if let Some(recorder) = self.recorder {
                 recorder.sample(row)?;
             }

@@ -88,15 +88,8 @@ pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finish
     let simulation =
         AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;
     let recorded = Recorded::default();
-    let session = Session {
-        simulation,
-        run,
-        output: &output,
-        recorder: recorder.as_ref(),
-        controls,
-        recorded,
-        compressed: None,
-    };
+    let session =
+        Session { simulation, run, output: &output, recorder: recorder.as_ref(), controls, recorded };
     let outcome = session.run(false);
     let context = Context {
         title,
@@ -144,15 +137,7 @@ pub fn resume(path: PathBuf, controls: Controls) -> Result<Finished, Failure> {
         parts,
     };
     let recorded = Recorded { frame: resumed.last_frame, sample: resumed.last_sample };
-    let session = Session {
-        simulation,
-        run,
-        output: &output,
-        recorder: Some(&recorder),
-        controls,
-        recorded,
-        compressed: None,
-    };
+    let session = Session { simulation, run, output: &output, recorder: Some(&recorder), controls, recorded };
     let outcome = session.run(true);
     Ok(Finished::new(outcome, context, Some(recorder)))
 }

@@ -57,7 +57,9 @@ pub use haff_engine::{Action, Column, DrivenParticles, Exchange, Particles, Part
 pub use haff_mechanics::{ContactLaw, NormalContact, Surface};
 pub use model::{
     present::Present,
-    scene::{BoxLimit, BoxTooSmall, GrowthEnd, GrowthRun, OutputPlan, RunPlan, Scene, Schedule, UntilOf},
+    scene::{
+        BoxLimit, BoxTooSmall, Grown, GrowthEnd, GrowthRun, OutputPlan, RunPlan, Scene, Schedule, UntilOf,
+    },
     state::{NoStates, State, StateSource},
 };
 pub use placement::import;

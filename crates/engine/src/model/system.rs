@@ -1,5 +1,7 @@
 //! The system: its box, bodies, walls and laws, and the options of a run.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use haff_mechanics::{Restitution, Shape};
 
@@ -23,6 +25,15 @@ impl Dimension {
         match self {
             Self::Two => 2,
             Self::Three => 3,
+        }
+    }
+
+    /// Volume of a sphere of this radius [length³], in two dimensions the area of a disk [length²].
+    #[must_use]
+    pub fn volume(self, radius: f64) -> f64 {
+        match self {
+            Self::Two => PI * radius * radius,
+            Self::Three => 4.0 / 3.0 * PI * radius * radius * radius,
         }
     }
 }

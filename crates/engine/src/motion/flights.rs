@@ -43,12 +43,18 @@ impl World {
             && images.stretches()
         {
             let position = particle.position + particle.velocity * start.since(anchor);
-            let weights = |c: DVec3| {
+            let motion = [position, particle.velocity];
+            if self.flights == Summed::Trace {
+                let trace = |c: DVec3| [class.mass * c.length_squared()];
+                let [trace] = images.integral(motion, start.time(), duration, trace);
+                return [trace, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+            }
+            let moments = |c: DVec3| {
                 let (second, p) = (symmetric(c, class.mass * c), class.mass * c);
                 let [xx, xy, xz, yy, yz, zz] = second;
                 [xx, xy, xz, yy, yz, zz, p.x, p.y, p.z]
             };
-            return images.integral([position, particle.velocity], start.time(), duration, weights);
+            return images.integral(motion, start.time(), duration, moments);
         }
         let (velocity, acceleration) = match self.shear() {
             Some(shear) => {

@@ -67,6 +67,9 @@ impl Digits {
     }
 }
 
+/// Names of the sums of a box that is compressed.
+const COMPRESSED: [&str; 2] = ["compressed.virial", "compressed.thermal"];
+
 impl Simulation {
     /// The exact present state.
     pub fn checkpoint(&self) -> Checkpoint {
@@ -91,6 +94,11 @@ impl Simulation {
         scalars.put("sampled_collisions", accumulators.sampled_collisions);
         scalars.put("sampled_flights", accumulators.sampled_flights);
         accumulators.center.save(&mut scalars);
+        if self.system.domain.compression.is_some() {
+            for (name, sum) in COMPRESSED.into_iter().zip(accumulators.compressed) {
+                scalars.real(name, sum);
+            }
+        }
         if let Some(flights) = &accumulators.flights {
             flights.save(&mut scalars);
         }
@@ -260,6 +268,9 @@ impl Simulation {
         accumulators.sampled_at = scalars.real("sampled_at");
         accumulators.sampled_collisions = scalars.take("sampled_collisions");
         accumulators.sampled_flights = scalars.take("sampled_flights");
+        if system.domain.compression.is_some() {
+            accumulators.compressed = COMPRESSED.map(|name| scalars.real(name));
+        }
         accumulators.center = Center::of(&world, 0.0);
         accumulators.center.load(&mut scalars);
         if world.flights != Summed::Nothing {

@@ -3,10 +3,8 @@
 use glam::DVec3;
 
 use crate::{
-    numerics::error::EngineError,
-    simulation::run::Simulation,
-    state::deformation::Deformation,
-    support::geometry::{geometry, present_system},
+    measure::sample::packing_fraction, model::Compressed, numerics::error::EngineError,
+    simulation::run::Simulation, state::deformation::Deformation, support::geometry::present_system,
 };
 
 impl Simulation {
@@ -31,6 +29,18 @@ impl Simulation {
         images.path_left(speeds, time) < PATH * images.edges(time).min_element()
     }
 
+    /// What a box that is compressed is like at the last sample, over the samples since the previous call;
+    /// `None` if it is not.
+    pub fn take_compressed(&mut self) -> Option<Compressed> {
+        self.system.domain.compression?;
+        let [virial, thermal] = std::mem::take(&mut self.state.accumulators.compressed);
+        Some(Compressed {
+            dimension: self.system.dimension,
+            packing_fraction: packing_fraction(&self.system, &self.state.world, self.time()),
+            reduced_pressure: 1.0 + virial / thermal,
+        })
+    }
+
     /// Makes the search again for the present edges of a box that deforms.
     #[cold]
     pub(super) fn renew(&mut self) -> Result<(), EngineError> {
@@ -45,11 +55,10 @@ impl Simulation {
             return Ok(());
         }
         let system = present_system(&self.system, world);
+        // Also for the same search, which has been made for other edges.
         self.choice.reconsider(&system, world);
-        self.geometry = geometry(&system, world, self.choice.filled());
-        self.engine = self.choice.compile(&system, &self.geometry);
         drop(system);
-        self.rebuild();
+        self.compile();
         Ok(())
     }
 }

@@ -37,6 +37,8 @@ pub(crate) struct Accumulators {
     pub sampled_flights: u64,
     /// The center of mass since then.
     pub center: Center,
+    /// In a box that is compressed, Σ J |r₁₂| and ∫ Σ m c² dt of samples since they were taken.
+    pub compressed: [f64; 2],
     /// Flights that have ended, where particles accelerate.
     pub flights: Option<Box<FlightSums>>,
     /// Kinetic and potential energy at the start.

@@ -6,7 +6,7 @@ use haff_engine::{Boundary, Class, Compression, Dimension, Domain, System, WallL
 use super::{
     Assembler,
     domain::{DENSEST_2D, DENSEST_3D, DomainPlan, TOLERANCE},
-    particles::{self, MassLaw, ParticlePlan, Rows, SpeciesPlan},
+    particles::{MassLaw, ParticlePlan, Rows, SpeciesPlan},
     values::{at, item},
 };
 use crate::config::document::Path;
@@ -17,11 +17,6 @@ const HALVINGS: usize = 200;
 
 /// Names of the axes.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// Volume of a box of these edges [length^d].
-pub(super) fn volume(dimension: Dimension, edges: DVec3) -> f64 {
-    edges.to_array()[..dimension.count()].iter().product()
-}
 
 /// The densest that particles of these sizes can be: of one size, or of several.
 pub(super) fn densest(dimension: Dimension, classes: &[Class]) -> f64 {
@@ -46,7 +41,7 @@ fn least_edge(boundary: Boundary) -> (f64, &'static str) {
 /// The time from which on the box has less than a volume; infinite if it never has. The logarithm of the
 /// volume is concave in time: what has become too small stays so.
 fn too_full(dimension: Dimension, domain: &Domain, compression: &Compression, least: f64) -> f64 {
-    let is_less = |time: f64| volume(dimension, compression.edges(domain.size, time)) < least;
+    let is_less = |time: f64| domain.volume(dimension, time) < least;
     if is_less(0.0) {
         return 0.0;
     }
@@ -68,10 +63,9 @@ pub(super) fn box_limit(system: &System, first: usize) -> Option<BoxLimit> {
     let compression = domain.compression?;
     let radius = |class: u32| system.classes[class as usize].radius;
     let diameter = 2.0 * system.classes.iter().map(|class| class.radius).fold(0.0, f64::max);
-    let filled: f64 =
-        system.bodies.iter().map(|body| particles::volume(radius(body.class), system.dimension)).sum();
+    let filled: f64 = system.bodies.iter().map(|body| system.dimension.volume(radius(body.class))).sum();
     let most = densest(system.dimension, &system.classes);
-    let full = volume(system.dimension, domain.size).min(filled / most);
+    let full = domain.volume(system.dimension, 0.0).min(filled / most);
     let is_open = domain.boundary[..system.dimension.count()].contains(&Boundary::Open);
     let mut limit = BoxLimit {
         time: if is_open { f64::INFINITY } else { too_full(system.dimension, domain, &compression, full) },

@@ -16,8 +16,6 @@ use crate::model::scene::{BoxLimit, GrowthEnd, GrowthRun, RunPlan, UntilOf};
 
 /// Longest time between two rescalings of velocities, as a part of 1/γ.
 const STEP: f64 = 0.01;
-/// Collisions of a particle between two tests of the pressure: in the meantime it grows by less than a half.
-const STEPS: u64 = 10;
 
 /// `[growth]`, with valid values.
 pub(super) struct GrowthPlan {
@@ -140,8 +138,7 @@ impl Assembler<'_> {
             (None, Some(pressure)) => Some(GrowthEnd::ReducedPressure(pressure)),
             (None, None) => None,
         };
-        // A collision is one of two particles.
-        run.growth = Some(GrowthRun { step: (STEPS * system.bodies.len() as u64).div_ceil(2), end });
+        run.growth = Some(GrowthRun::new(system.bodies.len(), end));
         let Some(fraction) = plan.config.until_packing_fraction else { return };
         let path = at(["growth", "until_packing_fraction"]);
         let start = plan::packing_fraction(system);

@@ -1,7 +1,6 @@
 //! Particles: numbers, sizes and masses.
 
 use std::collections::HashMap;
-use std::f64::consts::PI;
 use std::path::PathBuf;
 
 use glam::DVec3;
@@ -25,7 +24,7 @@ impl MassLaw {
     pub(super) fn of(self, radius: f64, dimension: Dimension) -> f64 {
         match self {
             Self::Mass(mass) => mass,
-            Self::Density(density) => density * volume(radius, dimension),
+            Self::Density(density) => density * dimension.volume(radius),
         }
     }
 }
@@ -89,7 +88,7 @@ impl Rows {
 
     /// Volume of a body [length³], in two dimensions its area [length²].
     pub(super) fn volume(&self, row: usize, dimension: Dimension) -> f64 {
-        volume(self.radius(row), dimension)
+        dimension.volume(self.radius(row))
     }
 
     pub(super) fn class(&mut self, radius: f64, mass: f64, group: u32) -> u32 {
@@ -103,13 +102,6 @@ impl Rows {
     fn push(&mut self, position: DVec3, velocity: DVec3, radius: f64, mass: f64, group: u32) {
         let class = self.class(radius, mass, group);
         self.bodies.push(Body { position, velocity, image: [0; 3], class, species: group });
-    }
-}
-
-pub(super) fn volume(radius: f64, dimension: Dimension) -> f64 {
-    match dimension {
-        Dimension::Two => PI * radius * radius,
-        Dimension::Three => 4.0 / 3.0 * PI * radius * radius * radius,
     }
 }
 

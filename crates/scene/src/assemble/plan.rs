@@ -7,7 +7,6 @@ use std::path::PathBuf;
 
 use super::Assembler;
 use super::flow;
-use super::particles::volume;
 use super::values::{SMALLEST, at, positive, storable};
 use crate::config::{
     CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
@@ -278,7 +277,7 @@ pub(super) fn packing_fraction(system: &System) -> f64 {
         return f64::NAN;
     }
     let radius = |class: u32| system.classes[class as usize].radius;
-    let filled: f64 = system.bodies.iter().map(|body| volume(radius(body.class), system.dimension)).sum();
+    let filled: f64 = system.bodies.iter().map(|body| system.dimension.volume(radius(body.class))).sum();
     filled / (0..d).map(|axis| system.domain.size[axis]).product::<f64>()
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use haff_engine::{EventColumn, Options, System, significant};
+use haff_engine::{Compressed, EventColumn, Options, System, significant};
 use haff_linkage::Joints;
 
 /// Times of records, beside the start and the end.
@@ -37,7 +37,7 @@ pub enum UntilOf {
 /// The growth of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowthRun {
-    /// Sphere–sphere collisions between two samples, at which the pressure is tested.
+    /// Sphere–sphere collisions between two tests of the pressure.
     pub step: u64,
     /// What ends the run.
     pub end: Option<GrowthEnd>,
@@ -48,8 +48,57 @@ pub struct GrowthRun {
 pub enum GrowthEnd {
     /// A packing fraction, unless the particles jam before.
     PackingFraction(f64),
-    /// The reduced pressure P V/(N T) of a sample: at least this.
+    /// The reduced pressure P V/(N T) over a step: at least this.
     ReducedPressure(f64),
+}
+
+/// Why a growth ends after a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Grown {
+    /// It has its reduced pressure.
+    ReducedPressure,
+    /// It jams before it has its packing fraction.
+    Jammed {
+        /// That packing fraction.
+        wanted: f64,
+    },
+}
+
+impl GrowthRun {
+    /// Collisions of a particle in a step: in the meantime the pressure grows by less than a half.
+    const COLLISIONS: u64 = 10;
+    /// Steps before the pressure counts: particles that have been pushed apart nearly touch at the start.
+    const FIRST: u64 = 5;
+
+    /// The growth of so many particles.
+    #[must_use]
+    pub fn new(particles: usize, end: Option<GrowthEnd>) -> Self {
+        // A collision is one of two particles.
+        Self { step: (Self::COLLISIONS * particles as u64).div_ceil(2), end }
+    }
+
+    /// The number of collisions at the end of the step in which there have been so many. Steps begin at
+    /// multiples, so that a run that is resumed has the same ones.
+    #[must_use]
+    pub fn next(&self, collisions: u64) -> u64 {
+        (collisions / self.step + 1).saturating_mul(self.step)
+    }
+
+    /// Why the growth ends after the step that ends with so many collisions, if it does.
+    #[must_use]
+    pub fn grown(&self, last: &Compressed, collisions: u64) -> Option<Grown> {
+        if collisions <= Self::FIRST * self.step {
+            return None;
+        }
+        match self.end? {
+            GrowthEnd::ReducedPressure(pressure) => {
+                (last.reduced_pressure >= pressure).then_some(Grown::ReducedPressure)
+            }
+            GrowthEnd::PackingFraction(wanted) => {
+                last.jamming().filter(|jamming| *jamming < wanted).map(|_| Grown::Jammed { wanted })
+            }
+        }
+    }
 }
 
 /// Length of the run; the first bound that is reached ends it. At least one of `until` and `collisions` is

@@ -11,7 +11,7 @@ use super::{driven::Driven, rescale::rescale};
 const CHANGE: f64 = 0.2;
 /// The first interval, as a part of the longest: a run can start close to jamming, where heating is fast, and
 /// particles that are heated without bound would never reach the time of the next action.
-const FIRST: f64 = 1e-3;
+const FIRST: f64 = 1e-6;
 /// Factors by which an interval can differ from the one before.
 const FACTORS: (f64, f64) = (0.25, 2.0);
 

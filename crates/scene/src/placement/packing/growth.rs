@@ -8,36 +8,23 @@ Fast growth jams at a lower packing fraction than slow growth: what jams too ear
 rate.
 */
 
-use std::f64::consts::PI;
-
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Class, Compression, ConstantVelocity, Contacts, Dimension, Domain, Drive, DriveKind,
     EngineError, Group, Measure, Options, Silent, Simulation, Stop, System, Until, Wall, WallLaw, WallMotion,
 };
-
 use haff_mechanics::Restitution;
 
 use super::{Room, loose};
+use crate::model::scene::{GrowthEnd, GrowthRun};
 use crate::placement::random::Stream;
 use crate::placement::velocity::{Bath, equilibrate, maxwell};
 
 /// Packing fraction of the larger box, in two and three dimensions: that of a fluid, which forgets how it
 /// has been placed.
 const FLUID: [f64; 2] = [0.65, 0.5];
-/// Growth of the largest diameter in a unit of time by the thermal speed, one after the other, for packings
-/// that fast growth reaches and for denser ones (benches/record/packings.md).
+/// Growth of the largest diameter in a unit of time by the thermal speed, one after the other.
 const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
-const DENSE_RATES: [f64; 3] = [0.015, 0.005, 0.002];
-/// Packing fractions from which on a packing is one of the denser, in two and three dimensions.
-const DENSE: [f64; 2] = [0.78, 0.6];
-/// Collisions per particle between two looks at the pressure.
-const STEP: u64 = 10;
-/// Looks before the first that counts: particles that have been pushed apart nearly touch at the start.
-const FIRST: u64 = 5;
-/// From this reduced pressure on the packing fraction of jamming follows from it.
-const JAMMING: f64 = 1e3;
-
 /// Growth that has ended too early: the largest packing fraction that was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Jammed {
@@ -46,9 +33,8 @@ pub(crate) struct Jammed {
 
 /// The part of a box that spheres of these radii fill.
 pub(crate) fn packing_fraction(dimension: Dimension, size: DVec3, radius: &[f64]) -> f64 {
-    let d = dimension.count();
-    let volume = |&r: &f64| if d == 2 { PI * r * r } else { 4.0 / 3.0 * PI * r * r * r };
-    radius.iter().map(volume).sum::<f64>() / (0..d).map(|axis| size[axis]).product::<f64>()
+    let filled: f64 = radius.iter().map(|&radius| dimension.volume(radius)).sum();
+    filled / size.to_array()[..dimension.count()].iter().product::<f64>()
 }
 
 /// Centres for spheres of these radii in a box with periodic or walled axes, whatever its packing fraction.
@@ -79,8 +65,7 @@ pub(crate) fn dense(
         return Ok(position);
     }
     let mut most: f64 = start;
-    let rates = if wanted > DENSE[dimension.count() - 2] { &DENSE_RATES[..] } else { &RATES[..] };
-    for &rate in rates {
+    for rate in RATES {
         match grow(&larger, dimension, radius, &position, rate, scale, seed, progress) {
             Ok(position) => return Ok(into(domain, dimension, position)),
             Err(Jammed { packing_fraction }) => most = most.max(packing_fraction),
@@ -105,33 +90,23 @@ fn grow(
     let gamma = rate / (2.0 * largest);
     let end = (1.0 - 1.0 / scale) / gamma;
     let system = system(larger, dimension, radius, position, gamma, seed);
-    let fraction = |time: f64| {
-        let edges = system.domain.edges(time);
-        packing_fraction(dimension, edges, radius)
-    };
-    let (wanted, now) = (fraction(end), |simulation: &Simulation| fraction(simulation.time()));
-    let d = dimension.count() as f64;
-    let failed = |simulation: &Simulation| Jammed { packing_fraction: now(simulation) };
-    let none = |_: EngineError| Jammed { packing_fraction: fraction(0.0) };
-    let mut simulation = Simulation::new(system.clone(), Options::default()).map_err(none)?;
-    let step = (STEP * radius.len() as u64).div_ceil(2);
+    let fraction = |time: f64| packing_fraction(dimension, system.domain.edges(time), radius);
+    let failed = |time: f64| Jammed { packing_fraction: fraction(time) };
+    let growth = GrowthRun::new(radius.len(), Some(GrowthEnd::PackingFraction(fraction(end))));
+    let mut simulation =
+        Simulation::new(system.clone(), Options::default()).map_err(|_: EngineError| failed(0.0))?;
     simulation.sample();
     loop {
-        let collisions = simulation.counters().collisions + step;
-        let until = Until { time: end, collisions, ..Until::default() };
-        match simulation.advance(until, &mut Silent) {
+        let collisions = growth.next(simulation.counters().collisions);
+        match simulation.advance(Until { time: end, collisions, ..Until::default() }, &mut Silent) {
             Ok(Stop::Time) => break,
-            Ok(Stop::Rest) | Err(_) => return Err(failed(&simulation)),
             Ok(Stop::Collisions | Stop::Slice) => {}
+            Ok(Stop::Rest) | Err(_) => return Err(failed(simulation.time())),
         }
-        let sample = simulation.sample();
-        let volume = system.domain.volume(dimension, sample.time);
-        let reduced =
-            sample.pressure.unwrap_or(f64::NAN) * volume / (radius.len() as f64 * sample.temperature);
-        // p = d/(1 − φ/φ_J) near jamming.
-        let settled = simulation.counters().collisions > FIRST * step;
-        if settled && reduced > JAMMING && now(&simulation) / (1.0 - d / reduced) < wanted {
-            return Err(failed(&simulation));
+        simulation.sample();
+        let last = simulation.take_compressed();
+        if last.is_some_and(|last| growth.grown(&last, collisions).is_some()) {
+            return Err(failed(simulation.time()));
         }
         progress(simulation.time() / end);
     }
