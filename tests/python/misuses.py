@@ -773,10 +773,15 @@ def of_packings(table: Table, run: haff.File) -> None:
     sizes = {**NO_NUMBERS, **BEYOND, "zero": 0.0, "negative": [-0.5] * 4, "three": [0.5] * 3, "tiny": 1e-60}
     no_box = {"none": None, "number": 5.0, "list": [3.0] * 3, "dict": {}, "text": "box", "object": HOSTILE}
     good = {"positions": (2.5 * np.eye(4)[:, :3], places), "radii": (0.5, sizes), "box": (run.box, no_box)}
-    table.add("close_gaps", analysis.close_gaps, **good, cutoff=(0.1, NO_POSITIVE))
+    far, told = {**NO_POSITIVE, "beyond the box": 1e9}, "the box is too small"
+    table.add("close_gaps", analysis.close_gaps, {"cutoff": f"cutoff|{told}"}, **good, cutoff=(0.1, far))
     table.add(
-        "contact_network", analysis.contact_network, **good, tolerance=(0.1, without(NO_POSITIVE, "none")),
-    )  # fmt: skip
+        "contact_network",
+        analysis.contact_network,
+        {"tolerance": f"tolerance|{told}"},
+        **good,
+        tolerance=(0.1, without(far, "none")),
+    )
     table.add("contact_network", analysis.contact_network, **good, reduced_pressure=(9.0, without(NO_POSITIVE, "none")))
     neighbors = {**without(NO_COUNT, "none"), "zero": 0}
     table.add("bond_order", analysis.bond_order, **good, neighbors=(3, neighbors))

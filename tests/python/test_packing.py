@@ -93,7 +93,7 @@ def test_gaps_are_those_of_all_images(seed, d, boundary, ratio, n, cutoff):
     at = sorted(zip(found.wall_rows.tolist(), *found.wall_sides.T.tolist(), found.wall_gap.tolist()))
     assert [one[:3] for one in at] == [one[:3] for one in walls]
     # The vector leads to an image of the second particle.
-    apart = position[found.pairs[:, 1]] + 0 * found.vector - position[found.pairs[:, 0]]
+    apart = position[found.pairs[:, 1]] - position[found.pairs[:, 0]]
     images = (found.vector - apart)[:, :d] @ np.linalg.inv(box.edges[:d, :d])
     np.testing.assert_allclose(images, np.round(images), atol=1e-9)
     assert np.all(images[:, ~box.periodic[:d]] == 0)
@@ -119,6 +119,16 @@ def test_gaps_far_below_the_size_of_the_box_are_known():
     assert found.pairs.tolist() == [[k, k + 200] for k in range(200)]
     # Coordinates of 30 are rounded to 4·10⁻¹⁵, which is 2·10⁻¹³ of a contact distance.
     np.testing.assert_allclose(found.gap, gap, rtol=0, atol=2e-12)
+
+
+def test_gaps_reach_some_widths_of_the_box_and_not_for_ever():
+    one = [[1.0, 1.0, 1.0]]
+    # Centers at all points of a lattice within 7.5 edges, without the sphere itself; each pair of images once.
+    shifts = np.array(list(itertools.product(range(-8, 9), repeat=3)))
+    expected = np.count_nonzero(np.linalg.norm(shifts, axis=1) < 7.5) // 2
+    assert len(analysis.close_gaps(one, 0.5, periodic(1.0, 1.0, 1.0), 6.5).pairs) == expected
+    with pytest.raises(NotApplicableError, match="the box is too small for pairs up to 2.002e\\+06: it is 3 wide"):
+        analysis.close_gaps(one, 1e6, periodic(4.0, 3.0, 5.0), 1e-3)
 
 
 # --- contacts ------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,14 +11,12 @@ from ..common import arguments
 from ..errors import ArgumentError
 from ..files.layout import Array
 from ..text import quoted
+from .trees import SLACK, folded, within
 
 if TYPE_CHECKING:
     from ..files.frames import Box
 
 __all__ = ["Gaps", "close_gaps"]
-
-_SLACK = 1e-9
-"""Relative rounding of distances: the search reaches farther by it, and what is too far is taken out after it."""
 
 
 class Gaps(NamedTuple):
@@ -70,6 +67,8 @@ def close_gaps(positions: ArrayLike, radii: ArrayLike, box: Box, cutoff: float) 
     ------
     ArgumentError
         An array has another shape, a radius or the cutoff is not positive, or a number is not finite.
+    NotApplicableError
+        Gaps below the cutoff are more than about ten widths of the periodic box.
 
     Examples
     --------
@@ -81,19 +80,19 @@ def close_gaps(positions: ArrayLike, radii: ArrayLike, box: Box, cutoff: float) 
     >>> found.wall_rows.tolist(), found.wall_sides.tolist(), found.wall_gap.tolist()
     ([1], [[2, 1]], [0.0])
     """
-    position, radius = particles(positions, radii, box)
-    cutoff = arguments.positive("cutoff", cutoff)
-    d = box.dimension
-    # Within the edge vectors, which lean in a sheared box; positions that are there keep all their digits.
-    cells = np.where(box.periodic[:d], np.floor(position[:, :d] @ np.linalg.inv(box.edges[:d, :d])), 0.0)
-    position = position.copy()
-    position[:, :d] -= cells @ box.edges[:d, :d]
+    return gaps_of(*particles(positions, radii, box), box, arguments.positive("cutoff", cutoff))
+
+
+def gaps_of(position: Array, radius: Array, box: Box, cutoff: float) -> Gaps:
+    """The same of :func:`particles`."""
+    position = folded(box, position)
     rows, vectors = [np.empty((0, 2), np.int64)], [np.empty((0, 3))]
     classes = _classes(radius)
     for k, first in enumerate(classes):
         for second in classes[k:]:
-            reach = (1 + cutoff) * float(radius[first].max() + radius[second].max()) * (1 + _SLACK)
-            found, vector = _close(box, position, first, second, reach)
+            reach = (1 + cutoff) * float(radius[first].max() + radius[second].max()) * (1 + SLACK)
+            found, vector = within(box, position, first, second, reach)
+            # The search reaches for the largest of both classes, and for rounding.
             near = np.linalg.norm(vector, axis=1) < (1 + cutoff) * radius[found].sum(axis=1)
             rows.append(found[near])
             vectors.append(vector[near])
@@ -130,50 +129,8 @@ def particles(positions: object, radii: object, box: object) -> tuple[Array, Arr
 
 def _classes(radius: Array) -> list[NDArray[np.int64]]:
     """Rows of the particles by size, each class within a factor of 2."""
-    octave = np.floor(np.log2(radius / radius.min()) + _SLACK).astype(np.int64)
+    octave = np.floor(np.log2(radius / radius.min()) + SLACK).astype(np.int64)
     return [np.flatnonzero(octave == k) for k in np.unique(octave)]
-
-
-def _close(
-    box: Box, position: Array, first: NDArray[np.int64], second: NDArray[np.int64], reach: float
-) -> tuple[NDArray[np.int64], Array]:
-    """Pairs of two classes within a distance, each once, and the vectors between them; ``second`` may be ``first``."""
-    from scipy.spatial import cKDTree
-
-    d = box.dimension
-    owner, points, forward = _images(box, position, second, reach)
-    tree = cKDTree(position[first, :d])
-    found = tree.sparse_distance_matrix(cKDTree(points[:, :d]), reach, output_type="ndarray")
-    i, image = first[found["i"]], found["j"]
-    j, sign = owner[image], forward[image]
-    # Within one class each pair is found from both of its particles.
-    once = (sign > 0) | ((sign == 0) & (i < j)) if first is second else np.ones(len(i), bool)
-    i, j, image = i[once], j[once], image[once]
-    return np.stack([i, j], axis=1).astype(np.int64), points[image] - position[i]
-
-
-def _images(
-    box: Box, position: Array, rows: NDArray[np.int64], reach: float
-) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
-    """Particles and their images within ``reach`` of the box: rows, places, and the sign of each shift.
-
-    The sign is 0 for the particles themselves and opposite for opposite shifts.
-    """
-    d = box.dimension
-    edges, width = box.edges[:d, :d], reach / box.widths[:d]
-    place = position[rows, :d] @ np.linalg.inv(edges)
-    most = np.where(box.periodic[:d], np.ceil(width), 0).astype(int)
-    owner, points, signs = [], [], []
-    for shift in itertools.product(*(range(-m, m + 1) for m in most)):
-        moved = place + shift
-        near = ((moved >= -width - _SLACK) & (moved <= 1 + width + _SLACK)) | (np.array(shift) == 0)
-        kept = np.flatnonzero(near.all(axis=1))
-        copies = position[rows[kept]]
-        copies[:, :d] += np.array(shift) @ edges
-        owner.append(rows[kept])
-        points.append(copies)
-        signs.append(np.full(len(kept), next((np.sign(n) for n in shift if n), 0)))
-    return np.concatenate(owner), np.concatenate(points), np.concatenate(signs)
 
 
 def _walls(

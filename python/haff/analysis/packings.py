@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..common import arguments
 from ..errors import ArgumentError, NotApplicableError
 from ..text import quoted
-from .gaps import Gaps, close_gaps, particles
+from .gaps import Gaps, gaps_of, particles
 
 if TYPE_CHECKING:
     from ..files.frames import Box
@@ -195,6 +196,8 @@ def contact_network(
     ------
     ArgumentError
         Neither pressure nor tolerance is given, or both; or as :func:`close_gaps`.
+    NotApplicableError
+        As :func:`close_gaps`.
 
     Examples
     --------
@@ -216,9 +219,9 @@ def contact_network(
         largest = arguments.positive("tolerance", tolerance)
     else:
         largest = contact_tolerance(reduced_pressure)  # type: ignore[arg-type]
-    contacts = close_gaps(positions, radii, box, largest)
-    count, d = len(particles(positions, radii, box)[0]), box.dimension
-    loose = rattlers(count, contacts.pairs, d, walls=contacts.wall_rows)
+    position, radius = particles(positions, radii, box)
+    contacts, d = gaps_of(position, radius, box, largest), box.dimension
+    loose = rattlers(len(position), contacts.pairs, d, walls=contacts.wall_rows)
     return ContactNetwork(contacts, loose, largest, d, int(np.count_nonzero(box.periodic[:d])))
 
 
@@ -269,18 +272,19 @@ def jamming_fraction(packing_fraction: ArrayLike, reduced_pressure: ArrayLike, d
     phi, p = phi[high], p[high]
     if len(p) < FEWEST or not np.ptp(phi) > 0:
         raise NotApplicableError(f"{len(p)} samples of a high pressure are too few for φ_J: there must be {FEWEST}")
-    # p (a − b (φ − φ_last)) = 1: φ_J − φ_last = a/b may be many digits smaller than φ_J.
+    # 1/p = a − b (φ − φ_last): φ_J − φ_last = a/b may be many digits smaller than φ_J.
     last = float(phi[np.argmax(p)])
-    columns = np.stack([p, p * (phi - last)], axis=1)
-    scale = np.linalg.norm(columns, axis=0)
-    found, _, rank, _ = np.linalg.lstsq(columns / scale, np.ones(len(p)), rcond=None)
-    a, b = found / scale * [1, -1]
-    if rank < 2 or not (a > 0 and b > 0):
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            (slope, a), covariance = np.polyfit(phi - last, 1 / p, 1, w=p, cov=True)
+    except (Warning, ValueError, np.linalg.LinAlgError):
+        a = slope = 0.0
+    if not (a > 0 and slope < 0):
         raise NotApplicableError("the pressure does not rise towards a divergence")
-    scatter = float(np.sum((columns @ [a, -b] - 1) ** 2)) / (len(p) - 2)
-    inverse = np.linalg.inv((columns / scale).T @ (columns / scale)) / np.outer(scale, scale) * scatter
-    value = last + float(a / b)
-    error = float(np.sqrt(inverse @ [1 / b, a / b**2] @ [1 / b, a / b**2]))
-    # c = 1/(b φ_J); found are a and −b, of which φ_J is last + a/b.
-    slope = np.array([-1 / (b * value) ** 2, (1 - a / (b * value)) / (b * b * value)])
-    return JammingFit(value, error, float(1 / (b * value)), float(np.sqrt(inverse @ slope @ slope)), len(p))
+    b = -float(slope)
+    value, c = last + float(a) / b, 1 / (b * (last + float(a) / b))
+    # Derivatives of φ_J and of c by the slope −b and by a.
+    by = np.array([[a / b**2, 1 / b], [(1 - a / (b * value)) / (b * b * value), -1 / (b * value) ** 2]])
+    error, c_error = np.sqrt(np.einsum("ki,ij,kj->k", by, covariance, by)).tolist()
+    return JammingFit(value, error, c, c_error, len(p))

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from .. import analysis
-from ..common import arguments
 from ..errors import NotApplicableError
 from ..files.frames import Frame
 from ..files.layout import AXES, Array
 from ..files.scene import packing_fraction
+from .of_a_frame import chosen, clip, disks
 from .style import BLUE, ORANGE, headline, label, number, page
 
 if TYPE_CHECKING:
@@ -28,19 +26,15 @@ LEAST_PRESSURE = 10.0
 """Reduced pressure, P V/(N T), below which gaps say nothing about contacts."""
 HELD, LOOSE = "#D6E4EE", ORANGE
 """Faces of particles of the backbone and of rattlers."""
+EDGE = "#777777"
 THICK = (0.5, 2.4)
 """Narrowest and widest line of a contact [points]."""
 
 
 def draw(file: File, index: int = -1, *, tolerance: float | None = None) -> Figure:
     """Contacts of one frame, the last by default. ``tolerance``: largest gap, by default that of the pressure."""
-    frames = file.frames
-    if len(frames) == 0:
-        raise NotApplicableError("no frames")
-    index = arguments.count("index", index, -arguments.MOST_ROWS, arguments.MOST_ROWS)
-    if not -len(frames) <= index < len(frames):
-        raise NotApplicableError(f"frame {index} of {len(frames)}")
-    frame, box, d = frames[index], frames[index].box, file.dimension
+    frame, d = chosen(file, index), file.dimension
+    box = frame.box
     if "open" in box.boundary[:d]:
         raise NotApplicableError("needs a box with periodic faces or walls")
     pressure = None
@@ -57,9 +51,10 @@ def draw(file: File, index: int = -1, *, tolerance: float | None = None) -> Figu
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.axis("off")
-    _particles(axes, frame, network, shown)
-    _contacts(axes, frame, network, shown)
-    _box(axes, frame)
+    room = np.zeros(3), box.size
+    disks(axes, frame, room, np.where(network.rattlers, LOOSE, HELD), edge=EDGE, rows=shown)
+    lines = _contacts(axes, frame, network, shown)
+    clip(axes, frame, room, lines)
     _legend(axes)
     headline(figure, f"Contacts at t = {frame.time:.5g}{layer}", _facts(file, frame, network, pressure))
     return figure
@@ -85,29 +80,7 @@ def _layer(frame: Frame) -> tuple[Array, str]:
     return inside, f", layer {middle - half:.4g} < {AXES[2]} < {middle + half:.4g}"
 
 
-def _particles(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -> None:
-    low, high, radius = np.zeros(2), frame.box.size[:2], frame.radius
-    rows, centers = [], []
-    # Those across a periodic face are drawn on both sides.
-    for shift in itertools.product((-1, 0, 1), repeat=2):
-        if np.any(np.array(shift, bool) & ~frame.box.periodic[:2]):
-            continue
-        moved = frame.position[:, :2] + np.array(shift) @ frame.box.edges[:2, :2]
-        near = np.all((moved > low - radius[:, None]) & (moved < high + radius[:, None]), axis=1) & shown
-        rows.append(np.flatnonzero(near))
-        centers.append(moved[near])
-    row = np.concatenate(rows)
-    diameter = 2 * radius[row]
-    disks = EllipseCollection(
-        diameter, diameter, np.zeros(len(row)), units="xy", offsets=np.concatenate(centers),
-        offset_transform=axes.transData, facecolors=np.where(network.rattlers[row], LOOSE, HELD).tolist(),
-        edgecolors="#777777", linewidths=0.4 if len(row) < 3000 else 0.0, zorder=1,
-    )  # fmt: skip
-    axes.add_collection(disks)
-    _clip(axes, frame, disks)
-
-
-def _contacts(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -> None:
+def _contacts(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -> LineCollection:
     """Lines from center to center, across periodic faces from both sides, and to the walls."""
     found, position = network.contacts, frame.position[:, :2]
     held = network.backbone_pairs & shown[found.pairs].all(axis=1)
@@ -124,28 +97,15 @@ def _contacts(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -
     width = np.clip(60 / np.sqrt(max(1, np.count_nonzero(shown))) / 4, *THICK)
     drawn = LineCollection(np.concatenate(lines), colors=BLUE, linewidths=width, capstyle="round", zorder=2)
     axes.add_collection(drawn)
-    _clip(axes, frame, drawn)
-
-
-def _clip(axes: Axes, frame: Frame, drawn: mpl.collections.Collection) -> None:
-    if frame.box.periodic[:2].any():
-        drawn.set_clip_path(mpl.patches.Rectangle((0, 0), *frame.box.size[:2], transform=axes.transData))
-
-
-def _box(axes: Axes, frame: Frame) -> None:
-    width, height = frame.box.size[:2]
-    axes.add_patch(mpl.patches.Rectangle((0, 0), width, height, fill=False, ec="#333333", lw=1.0, zorder=3))
-    margin = 0.02 * max(width, height)
-    axes.set_xlim(-margin, width + margin)
-    axes.set_ylim(-margin, height + margin)
+    return drawn
 
 
 def _legend(axes: Axes) -> None:
     from matplotlib.lines import Line2D
 
     marks = [
-        Line2D([], [], ls="", marker="o", ms=8, mfc=HELD, mec="#777777", label="backbone"),
-        Line2D([], [], ls="", marker="o", ms=8, mfc=LOOSE, mec="#777777", label="rattler"),
+        Line2D([], [], ls="", marker="o", ms=8, mfc=HELD, mec=EDGE, label="backbone"),
+        Line2D([], [], ls="", marker="o", ms=8, mfc=LOOSE, mec=EDGE, label="rattler"),
         Line2D([], [], color=BLUE, lw=2, label="contact"),
     ]
     axes.legend(handles=marks, loc="upper left", bbox_to_anchor=(1, 1))

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .. import analysis
-from ..common import arguments
 from ..errors import NotApplicableError
 from ..files.layout import AXES
 from .facts import facts
+from .of_a_frame import chosen
 from .style import SPEED_MAP, headline, page
 
 if TYPE_CHECKING:
@@ -29,15 +29,9 @@ def draw(file: File, index: int = -1) -> Figure:
 
     The axis along which the view goes is the shortest one other than that of the height.
     """
-    frames = file.frames
     if len(file) < FEWEST:
         raise NotApplicableError(f"{len(file)} particles are too few for a density field")
-    if len(frames) == 0:
-        raise NotApplicableError("no frames")
-    index = arguments.count("index", index, -arguments.MOST_ROWS, arguments.MOST_ROWS)
-    if not -len(frames) <= index < len(frames):
-        raise NotApplicableError(f"frame {index} of {len(frames)}")
-    frame, d = frames[index], file.dimension
+    frame, d = chosen(file, index), file.dimension
     along = _view(file) if d == 3 else 2
     cells = np.empty(d, int)
     across = [k for k in range(d) if k != along]

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from .. import analysis
-from ..common import arguments
-from ..errors import NotApplicableError
 from ..files.extent import Extent, extent
 from ..files.frames import Frame
 from .facts import facts
+from .of_a_frame import chosen, disks
 from .render import Camera, spheres
 from .style import CYCLE, SPEED_MAP, headline, label, page
 
@@ -33,16 +32,10 @@ def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int
 
     ``room`` is the region shown, by default the box, or along open axes the extent of this frame's particles.
     """
-    frames = file.frames
-    if len(frames) == 0:
-        raise NotApplicableError("no frames")
-    index = arguments.count("index", index, -arguments.MOST_ROWS, arguments.MOST_ROWS)
-    if not -len(frames) <= index < len(frames):
-        raise NotApplicableError(f"frame {index} of {len(frames)}")
-    frame = frames[index]
+    frame = chosen(file, index)
     color, scale, quantity = _colors(frame)
-    view = _bounds(frame, room or extent(frames[index : index + 1 or None]))
-    low, high, _ = view
+    view = _bounds(frame, room or extent(file.frames[frame.index : frame.index + 1]))
+    low, high, bound = view
     sides = np.ptp(_corners(low, high) @ Camera.looking().axes[:2].T, axis=0) if file.dimension == 3 else high - low
     legend = scale is not None or len(file.species_names) > 1
     figure = Figure(figsize=page(*sides[:2], beside=1.2 if legend else 0.3, below=0.8), layout="constrained")
@@ -50,7 +43,7 @@ def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int
     axes.set_aspect("equal")
     axes.axis("off")
     if file.dimension == 2:
-        _disks(frame, axes, color, view)
+        disks(axes, frame, (low, high), color, edge="#222222", style="-" if bound[:2].all() else ":")
     else:
         _spheres(frame, axes, color, view, pixels)
     if scale is not None:
@@ -105,37 +98,6 @@ def _bounds(frame: Frame, room: Extent) -> View:
 def _corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """``[8, 3]`` corners of a box."""
     return np.array(list(itertools.product(*zip(low, high))))
-
-
-def _disks(frame: Frame, axes, color, view: View) -> None:
-    low, high, bound = view
-    size = high - low
-    centres, colors, radius = [frame.position[:, :2]], [color], [frame.radius]
-    # Disks across a periodic face are drawn on both sides.
-    for shift in itertools.product((-1, 0, 1), repeat=2):
-        offset = np.array(shift) @ frame.box.edges[:2, :2]
-        if not any(shift) or np.any(np.array(shift, bool) & ~frame.box.periodic[:2]):
-            continue
-        moved = frame.position[:, :2] + offset
-        near = np.all((moved > low[:2] - frame.radius[:, None]) & (moved < high[:2] + frame.radius[:, None]), axis=1)
-        centres.append(moved[near])
-        colors.append(color[near])
-        radius.append(frame.radius[near])
-    diameter = 2 * np.concatenate(radius)
-    edge = 0.4 if len(diameter) < 3000 else 0.0
-    disks = EllipseCollection(
-        diameter, diameter, np.zeros(len(diameter)), units="xy", offsets=np.concatenate(centres),
-        offset_transform=axes.transData, facecolors=np.concatenate(colors), edgecolors="#222222", linewidths=edge,
-    )  # fmt: skip
-    axes.add_collection(disks)
-    frame_of_box = mpl.patches.Rectangle((low[0], low[1]), *size[:2], fill=False, ec="#333333", lw=1.0,
-                                         ls="-" if bound[:2].all() else ":")  # fmt: skip
-    axes.add_patch(frame_of_box)
-    if frame.box.periodic[:2].any():
-        disks.set_clip_path(mpl.patches.Rectangle((low[0], low[1]), *size[:2], transform=axes.transData))
-    margin = 0.02 * size[:2].max()
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
 def _spheres(frame: Frame, axes, color, view: View, pixels: int) -> None:
