@@ -45,8 +45,7 @@ impl World {
             let position = particle.position + particle.velocity * start.since(anchor);
             let motion = [position, particle.velocity];
             if self.flights == Summed::Trace {
-                let trace = |c: DVec3| [class.mass * c.length_squared()];
-                let [trace] = images.integral(motion, start.time(), duration, trace);
+                let trace = images.trace(class.mass, motion, start.time(), duration);
                 return [trace, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
             }
             let moments = |c: DVec3| {

@@ -48,6 +48,11 @@ pub(crate) trait Scheduler: Send {
     fn kernel(&self) -> Kernel;
     /// Predicts every particle from the present state.
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
+    /// Predicts every particle where only velocities have changed, and keeps the search's own data. Returns
+    /// false, with nothing done, if this search cannot.
+    fn predict_again(&mut self, _: &mut State) -> bool {
+        false
+    }
     /// Finds the earliest event up to `limit`, and carries out the updates of the scheduler's own data before
     /// it.
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<Self::Event>;
@@ -79,6 +84,9 @@ pub(crate) trait Scheduler: Send {
 pub(crate) trait Engine: Send {
     /// Predicts every particle from the present state.
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry);
+    /// Predicts every particle where only velocities have changed, and keeps the search's own data. Returns
+    /// false, with nothing done, if this search cannot.
+    fn predict_again(&mut self, state: &mut State) -> bool;
     /// Predicts these particles. Their anchors have been set to the present by something other than an event.
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]);
     /// Why events are taken on one thread; `None` if they are taken on all.
@@ -100,6 +108,12 @@ impl<S: Scheduler> Engine for S {
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
         Scheduler::rebuild(self, state, geometry);
         self.count_work(state);
+    }
+
+    fn predict_again(&mut self, state: &mut State) -> bool {
+        let done = Scheduler::predict_again(self, state);
+        self.count_work(state);
+        done
     }
 
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {

@@ -387,7 +387,10 @@ impl Simulation {
             for &i in changed {
                 self.state.world.wrap_anchor(i);
             }
-            self.predict_all();
+            // Positions are those of before.
+            if !self.engine.predict_again(&mut self.state) {
+                self.predict_all();
+            }
         } else {
             self.engine.reschedule(&mut self.state, changed);
         }

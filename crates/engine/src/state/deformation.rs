@@ -52,6 +52,8 @@ pub(crate) struct Deformation {
     edges: DVec3,
     /// The largest diameter: a particle must not touch its own image [length].
     least: f64,
+    /// The rate along all axes, if it is one [1/time], and their number.
+    isotropic: Option<(f64, usize)>,
 }
 
 impl Deformation {
@@ -62,6 +64,8 @@ impl Deformation {
         let along = |k: usize| k < system.dimension.count() && periodic[k];
         let rates = DVec3::from_array([0, 1, 2].map(|k| if along(k) { given[k] } else { 0.0 }));
         let sliding = SlidingImages::of(system);
+        let count = system.dimension.count();
+        let one = rates.to_array()[..count].iter().all(|&rate| rate == rates.x) && rates != DVec3::ZERO;
         (sliding.is_some() || rates != DVec3::ZERO).then(|| Self {
             sliding,
             rates,
@@ -70,6 +74,7 @@ impl Deformation {
                 [0, 1, 2].map(|k| if along(k) { domain.size[k] } else { f64::INFINITY }),
             ),
             least: 2.0 * system.classes.iter().map(|class| class.radius).fold(0.0, f64::max),
+            isotropic: one.then_some((rates.x, count)),
         })
     }
 
@@ -194,6 +199,28 @@ impl Deformation {
             }
         }
         sums
+    }
+
+    /// [`Self::integral`] of m c², which is all of it that the pressure needs.
+    ///
+    /// With one rate a along all d axes, C = c s for s = 1 + a t is constant, so that it is
+    /// m C² ∫ s^−(d+2) dt = m C² τ Σ s₀^k s₁^(d−k)/((d + 1) (s₀ s₁)^(d+1)), a sum without differences.
+    #[inline]
+    pub fn trace(&self, mass: f64, motion: [DVec3; 2], start: f64, duration: f64) -> f64 {
+        let Some((rate, count)) = self.isotropic else {
+            return self.integral(motion, start, duration, |c| [mass * c.length_squared()])[0];
+        };
+        let [position, velocity] = motion;
+        let before = 1.0 + rate * start;
+        let after = before + rate * duration;
+        let constant = (velocity * before - position * rate).length_squared();
+        let both = before * after;
+        let mean = if count == 2 {
+            (before * before + both + after * after) / (3.0 * both * both * both)
+        } else {
+            (before + after) * (before * before + after * after) / (4.0 * both * both * both * both)
+        };
+        mass * duration * constant * mean
     }
 
     /// How long searches that are made at a time may be used [time]; under shear lists only. 0 if a

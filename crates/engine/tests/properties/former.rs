@@ -33,7 +33,7 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 49] = [
+pub const FORMER: [Recipe; 51] = [
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
@@ -669,6 +669,32 @@ pub const FORMER: [Recipe; 49] = [
         rough: 1,
         compression: 2,
         seed: 7_896_000_023_845_376_288,
+        ..PLAIN
+    },
+    // Compression in far boxes: peculiar velocities at positions far from the origin are rounded by as much as
+    // the flow there is faster.
+    Recipe {
+        flat: true,
+        far: true,
+        particles: 3,
+        species: 3,
+        restitution: 4,
+        ratios: true,
+        rough: 1,
+        compression: 2,
+        seed: 7_896_504_748_485_347_895,
+        ..PLAIN
+    },
+    Recipe {
+        boundary: [0, 0, 1],
+        particles: 10,
+        species: 1,
+        restitution: 2,
+        far: true,
+        light: true,
+        compression: 2,
+        at_kick: true,
+        seed: 11_138_549_520_111_439_356,
         ..PLAIN
     },
 ];

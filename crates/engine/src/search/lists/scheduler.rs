@@ -126,6 +126,42 @@ impl<F: Features, E: ListedEvent> ListSearch<F, E> {
         })
     }
 
+    /// Predicts every particle. The queue is empty, and the paths are those of the present span.
+    fn predict_all(&mut self, state: &State) {
+        let count = state.world.particles.len();
+        let in_steps = self.begin_steps(state);
+        let predictor = &self.predictor;
+        let mut block = Vec::with_capacity(BLOCK.min(count));
+        for start in (0..count).step_by(BLOCK) {
+            (start as u32..(start + BLOCK).min(count) as u32)
+                .into_par_iter()
+                .with_min_len(least_items())
+                .map_init(Bounds::new, |bounds, i| {
+                    let mut work = Work::default();
+                    let entry =
+                        predictor.predict::<false>(&state.world, &state.pending, i, bounds, &mut work);
+                    (entry, work)
+                })
+                .collect_into_vec(&mut block);
+            if start == 0 {
+                let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
+                if in_steps {
+                    self.steps.prepare(&entries, count);
+                } else {
+                    self.queue.prepare(&entries, count);
+                }
+            }
+            for (entry, work) in &block {
+                if in_steps && entry.time > self.horizon {
+                    self.steps.push(*entry, count);
+                } else {
+                    self.queue.push(*entry);
+                }
+                self.work.add(*work);
+            }
+        }
+    }
+
     /// Updates and predicts particle i after a collision with a wall. Not inlined, so that the loop of
     /// particle collisions stays short.
     #[inline(never)]
@@ -179,37 +215,15 @@ impl<F: Features, E: ListedEvent> Scheduler for ListSearch<F, E> {
         predictor.begin_lists(&state.world);
         predictor.lists = Lists::default();
         predictor.lists = Lists::new::<F>(&predictor.plan, geometry, &predictor.particles);
-        let in_steps = self.begin_steps(state);
-        let (predictor, state) = (&self.predictor, &*state);
-        let mut block = Vec::with_capacity(BLOCK.min(count));
-        for start in (0..count).step_by(BLOCK) {
-            (start as u32..(start + BLOCK).min(count) as u32)
-                .into_par_iter()
-                .with_min_len(least_items())
-                .map_init(Bounds::new, |bounds, i| {
-                    let mut work = Work::default();
-                    let entry =
-                        predictor.predict::<false>(&state.world, &state.pending, i, bounds, &mut work);
-                    (entry, work)
-                })
-                .collect_into_vec(&mut block);
-            if start == 0 {
-                let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
-                if in_steps {
-                    self.steps.prepare(&entries, count);
-                } else {
-                    self.queue.prepare(&entries, count);
-                }
-            }
-            for (entry, work) in &block {
-                if in_steps && entry.time > self.horizon {
-                    self.steps.push(*entry, count);
-                } else {
-                    self.queue.push(*entry);
-                }
-                self.work.add(*work);
-            }
-        }
+        self.predict_all(state);
+    }
+
+    fn predict_again(&mut self, state: &mut State) -> bool {
+        self.queue.clear();
+        self.steps.clear();
+        self.predictor.begin(&state.world);
+        self.predict_all(state);
+        true
     }
 
     #[inline(always)]
