@@ -23,9 +23,9 @@ const FLUID: [f64; 2] = [0.65, 0.5];
 /// Rates by which sizes grow to these packing fractions, beyond them, and until they jam
 /// (benches/record/packings.md).
 const FAST: f64 = 0.1;
-const FAST_UP_TO: [f64; 2] = [0.82, 0.62];
+const FAST_UP_TO: [f64; 2] = [0.82, 0.60];
 const SLOW: f64 = 0.01;
-const JAMMING: f64 = 0.02;
+const JAMMING: f64 = 0.03;
 /// Frames of a run.
 const FRAMES: f64 = 10.0;
 /// Rows of observables of a growth to a stated packing fraction: the last interval is not empty.

@@ -6,7 +6,7 @@ use crate::{
         continued,
         controls::Controls,
         single::{self, Finished},
-        states::States,
+        states::ShownStates,
         warnings::warnings,
     },
     terminal::{
@@ -46,8 +46,15 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
         },
         (None, Some(scene)) => {
             let file = scene;
-            let mut scene =
-                haff_scene::load(file, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
+            // Before the scene is read, which can take long: its packing may have to grow.
+            if let Some(output) = &options.output {
+                overwrite::check(output, &[("the scene", Some(file.as_path()))], options.overwrite)?;
+                overwrite::check_free(output, options.overwrite)?;
+            }
+            let states = ShownStates(Progress::on_terminal(options.quiet || logs));
+            let loaded = haff_scene::load(file, &options.set, &states);
+            drop(states);
+            let mut scene = loaded.map_err(|errors| scene_failure(&errors))?;
             if let Some(output) = &options.output {
                 scene.output.file = Some(output.clone());
             }

@@ -7,8 +7,10 @@ use std::{
     path::Path,
 };
 
+use haff_record::RecordError;
+
 use crate::terminal::{
-    failure::{Failure, Status},
+    failure::{Failure, Status, file_failure},
     output,
     words::{output_option, say},
 };
@@ -30,6 +32,14 @@ pub fn check(file: &Path, inputs: &[(&str, Option<&Path>)], overwrite: bool) -> 
         }
     }
     if overwrite { check_kind(file) } else { Ok(()) }
+}
+
+/// Refuses a file that exists already, as the run itself does later.
+pub fn check_free(file: &Path, overwrite: bool) -> Result<(), Failure> {
+    if overwrite || !fs::symlink_metadata(file).is_ok_and(|metadata| metadata.is_file()) {
+        return Ok(());
+    }
+    Err(file_failure(&RecordError::Exists { path: file.to_owned() }))
 }
 
 /// Whether two paths lead to one file, also by links.

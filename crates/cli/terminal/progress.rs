@@ -57,9 +57,25 @@ impl Progress {
     pub fn begin(&mut self, collisions: u64) {
         self.started = Instant::now();
         self.collisions_before = collisions;
+        self.draw();
+    }
+
+    /// Draws the bar from now on.
+    fn draw(&self) {
         if let (Some(bar), None) = (&self.bar, &self.name) {
             bar.set_draw_target(screen::bars());
             bar.enable_steady_tick(Duration::from_millis(200));
+        }
+    }
+
+    /// Shows the completed fraction of some work before a run, and what it is.
+    pub fn show_work(&self, work: &str, part: f64) {
+        if let Some(bar) = &self.bar {
+            if bar.is_hidden() {
+                self.draw();
+            }
+            bar.set_position((part.clamp(0.0, 1.0) * STEPS as f64) as u64);
+            bar.set_message(work.to_owned());
         }
     }
 

@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::{
     motion::{flights, flow_work::note_path},
     report::VelocityChange,
-    state::{State, world::World},
+    state::{State, flight_sums::Summed, world::World},
 };
 
 /// Makes the velocities of an impact peculiar. The velocity of the second particle before it is that of its
@@ -31,15 +31,22 @@ pub(crate) fn make_peculiar(
 /// between their centers and `impulse` that on the second one. Their anchors are still those before.
 #[inline(never)]
 pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse: DVec3, ticks: i64) {
-    if state.world.boundary.deformation.is_none() {
-        return;
-    }
+    let Some(images) = state.world.boundary.deformation else { return };
     for i in bodies {
         note_path(&mut state.world, i, ticks);
-        flights::end(state, i, ticks);
     }
-    let Some(images) = &state.world.boundary.deformation else { return };
     let (time, now) = (state.world.clock.time(ticks), state.world.clock.shown(ticks));
     let (term, work) = (images.term(), images.work_of_impact(r, impulse, time));
-    state.accumulators.add_energy(term, now, work);
+    match &images.isotropic {
+        Some(isotropic) if state.world.flights != Summed::Tensor => {
+            let in_flights = flights::end_isotropic(state, isotropic, bodies, ticks);
+            state.accumulators.add_work(term, now, work, in_flights);
+        }
+        _ => {
+            for i in bodies {
+                flights::end(state, i, ticks);
+            }
+            state.accumulators.add_energy(term, now, work);
+        }
+    }
 }

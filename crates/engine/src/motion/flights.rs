@@ -22,6 +22,7 @@ use crate::{
     state::{
         State,
         accumulators::Accumulators,
+        deformation::Isotropic,
         flight_sums::{Moments, SECOND, Summed, symmetric},
         world::World,
     },
@@ -124,6 +125,32 @@ fn end_after(state: &mut State, i: u32, duration: f64) {
         let integral = world.flown(i, end, accumulators.flown_until());
         accumulators.add_flight(world.flights, integral);
     }
+}
+
+/// What [`end`] adds for two particles that collide at `ticks`, in a box that is compressed at one rate along
+/// all axes: the work of the flow in their flights \[energy\]. Their integrals are added, if only the trace is
+/// summed.
+#[inline(always)]
+pub(crate) fn end_isotropic(state: &mut State, isotropic: &Isotropic, bodies: [u32; 2], ticks: i64) -> f64 {
+    let State { world, accumulators, .. } = state;
+    let until = accumulators.flown_until();
+    let mut sums = [0.0; 2];
+    for i in bodies {
+        let particle = &world.particles[i as usize];
+        let mass = world.class(i).mass;
+        let (start, duration) = (world.clock.time(particle.time), world.age(i, ticks));
+        let motion = [particle.position, particle.velocity];
+        let [work, mut trace] = isotropic.flight(mass, motion, start, duration);
+        // Rarely: a sample has taken the first part.
+        if start <= until.time() * (1.0 + 2.0 * f64::EPSILON) {
+            [trace, ..] = world.flown(i, world.clock.instant(particle.time).after(duration), until);
+        }
+        sums = [sums[0] + work, sums[1] + trace];
+    }
+    if world.flights != Summed::Nothing {
+        accumulators.flights.get_or_insert_default().sums[0].add(sums[1]);
+    }
+    sums[0]
 }
 
 /// Takes the integrals over all flights from the previous call, or the start, to the present. `None` if they

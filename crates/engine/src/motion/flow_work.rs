@@ -24,6 +24,7 @@ impl World {
     }
 
     /// Notes the length of a path in a box that deforms \[length\], if it is longer than two edges.
+    #[inline]
     pub fn note_path(&mut self, path: f64) {
         let is_long = |images: &Deformation| {
             let edge =
@@ -38,6 +39,7 @@ impl World {
 
 /// How far particle i and its images have come along the flow at `ticks` since its anchor \[length\]: the
 /// rounding error of a contact is relative to that.
+#[inline]
 pub(crate) fn path(world: &World, i: u32, ticks: i64) -> f64 {
     let Some(images) = &world.boundary.deformation else { return 0.0 };
     let velocity = world.particles[i as usize].velocity.abs();
@@ -49,6 +51,7 @@ pub(crate) fn path(world: &World, i: u32, ticks: i64) -> f64 {
 }
 
 /// Notes the path of particle i in a flight that ends at `ticks`, if it is longer than two edges.
+#[inline]
 pub(crate) fn note_path(world: &mut World, i: u32, ticks: i64) {
     let path = path(world, i, ticks);
     world.note_path(path);

@@ -26,7 +26,7 @@ use crate::{
     numerics::clock::LONGEST,
     state::{
         deformation::Deformation,
-        periodicity::Periodicity,
+        periodicity::{Periodicity, nearest_integers},
         sliding_images::{Displacement, SlidingImages},
         world::World,
     },
@@ -210,8 +210,11 @@ impl World {
         present: DVec3,
         ticks: i64,
     ) -> (DVec3, DVec3) {
-        let shift = self.periodicity(self.now).nearest_shift(present);
-        if shift == [0; 3] { (r, v) } else { self.image_at(images, r, v, shift, ticks) }
+        let [now, then] = [self.now, ticks].map(|ticks| images.edges(self.clock.time(ticks)));
+        let shift = -nearest_integers(present / now);
+        // Edges of axes that are not periodic are infinite.
+        let edges = DVec3::select(shift.cmpeq(DVec3::ZERO), DVec3::ZERO, then);
+        (r + shift * edges, v + shift * images.speeds)
     }
 
     /// The nearest image of a difference of positions at `ticks`, and its velocity. Along the gradient the

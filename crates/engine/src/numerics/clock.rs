@@ -74,6 +74,7 @@ impl Clock {
     }
 
     /// Time at `ticks`, rounded. States of walls are computed with it, also at anchors before the epoch.
+    #[inline]
     pub fn time(&self, ticks: i64) -> f64 {
         self.base + (ticks as f64 * self.tick + self.base_low)
     }

@@ -202,7 +202,13 @@ impl Accumulators {
     /// the term is negative.
     #[inline]
     pub fn add_energy(&mut self, term: Term, time: f64, energy: f64) {
-        self.terms[term as usize].add(energy);
+        self.add_work(term, time, energy, 0.0);
+    }
+
+    /// [`Self::add_energy`], and [`Self::add_work_in_flight`] for the flights that end at the same time.
+    #[inline]
+    pub fn add_work(&mut self, term: Term, time: f64, energy: f64, in_flights: f64) {
+        self.terms[term as usize].add(energy + in_flights);
         self.impacts.add([0.0, 0.0, 0.0, -term.sign() * energy * (time - self.sampled_at)]);
     }
 }

@@ -52,8 +52,41 @@ pub(crate) struct Deformation {
     edges: DVec3,
     /// The largest diameter: a particle must not touch its own image [length].
     least: f64,
-    /// The rate along all axes, if it is one [1/time], and their number.
-    isotropic: Option<(f64, usize)>,
+    /// If all axes have one rate.
+    pub isotropic: Option<Isotropic>,
+}
+
+/// Compression or expansion at one rate along all axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Isotropic {
+    /// a, the entry of A [1/time].
+    rate: f64,
+    /// d, the number of axes.
+    axes: usize,
+}
+
+impl Isotropic {
+    /// Of the flight of a mass from a position and with a velocity at a time, over a `duration`: the work of
+    /// the flow \[energy\], and the integral of m c² with its [weight](Deformation::weight)
+    /// \[energy·time\].
+    ///
+    /// C = c s is constant for s = 1 + a t. So the work is ½ m C² (s₁⁻² − s₀⁻²), and the integral
+    /// m C² ∫ s^−(d+2) dt = m C² τ Σ s₀^k s₁^(d−k)/((d + 1) (s₀ s₁)^(d+1)): neither loses digits.
+    #[inline(always)]
+    pub fn flight(&self, mass: f64, motion: [DVec3; 2], start: f64, duration: f64) -> [f64; 2] {
+        let ([position, velocity], rate) = (motion, self.rate);
+        let before = 1.0 + rate * start;
+        let after = before + rate * duration;
+        let constant = mass * (velocity * before - position * rate).length_squared();
+        let (sum, inverse) = (before + after, 1.0 / (before * after));
+        let work = -0.5 * constant * rate * duration * sum * (inverse * inverse);
+        let mean = if self.axes == 2 {
+            (sum * sum - before * after) * (inverse * inverse * inverse) / 3.0
+        } else {
+            0.25 * sum * (before * before + after * after) * ((inverse * inverse) * (inverse * inverse))
+        };
+        [work, constant * duration * mean]
+    }
 }
 
 impl Deformation {
@@ -74,7 +107,7 @@ impl Deformation {
                 [0, 1, 2].map(|k| if along(k) { domain.size[k] } else { f64::INFINITY }),
             ),
             least: 2.0 * system.classes.iter().map(|class| class.radius).fold(0.0, f64::max),
-            isotropic: one.then_some((rates.x, count)),
+            isotropic: one.then_some(Isotropic { rate: rates.x, axes: count }),
         })
     }
 
@@ -136,6 +169,9 @@ impl Deformation {
             let fall = shear.rate * across;
             let power = -shear.rate * mass * across;
             return power * duration * (along - 0.5 * fall * duration);
+        }
+        if let Some(isotropic) = &self.isotropic {
+            return isotropic.flight(mass, [position, velocity], start, duration)[0];
         }
         let before = self.scale(start);
         let change = self.rates * duration;
@@ -202,25 +238,11 @@ impl Deformation {
     }
 
     /// [`Self::integral`] of m c², which is all of it that the pressure needs.
-    ///
-    /// With one rate a along all d axes, C = c s for s = 1 + a t is constant, so that it is
-    /// m C² ∫ s^−(d+2) dt = m C² τ Σ s₀^k s₁^(d−k)/((d + 1) (s₀ s₁)^(d+1)), a sum without differences.
-    #[inline]
     pub fn trace(&self, mass: f64, motion: [DVec3; 2], start: f64, duration: f64) -> f64 {
-        let Some((rate, count)) = self.isotropic else {
-            return self.integral(motion, start, duration, |c| [mass * c.length_squared()])[0];
-        };
-        let [position, velocity] = motion;
-        let before = 1.0 + rate * start;
-        let after = before + rate * duration;
-        let constant = (velocity * before - position * rate).length_squared();
-        let both = before * after;
-        let mean = if count == 2 {
-            (before * before + both + after * after) / (3.0 * both * both * both)
-        } else {
-            (before + after) * (before * before + after * after) / (4.0 * both * both * both * both)
-        };
-        mass * duration * constant * mean
+        match &self.isotropic {
+            Some(isotropic) => isotropic.flight(mass, motion, start, duration)[1],
+            None => self.integral(motion, start, duration, |c| [mass * c.length_squared()])[0],
+        }
     }
 
     /// How long searches that are made at a time may be used [time]; under shear lists only. 0 if a

@@ -120,6 +120,12 @@ impl Periodicity {
     }
 }
 
+/// The nearest integers of components below 2^51.
+#[inline(always)]
+pub(crate) fn nearest_integers(v: DVec3) -> DVec3 {
+    DVec3::new(round(v.x), round(v.y), round(v.z))
+}
+
 /// Nearest integer for |x| < 2^51, by the rounding of an addition.
 #[inline(always)]
 fn round(x: f64) -> f64 {

@@ -320,14 +320,14 @@ impl Assembler<'_> {
         let given = packing_fraction(self.dimension, domain.size, &radius);
         if (given / wanted - 1.0).abs() > ROUNDING {
             let what = format!(
-                "packing = {wanted} contradicts the box, in which the packing fraction is {}: leave                  domain.size and domain.packing_fraction out",
+                "packing = {wanted} contradicts the box, in which the packing fraction is {}: leave domain.size and domain.packing_fraction out",
                 significant(given, 6)
             );
             self.document.report(&path, what);
             return;
         }
         let states = self.states;
-        let progress = |part: f64| states.progress("growing", part);
+        let progress = |part: f64| states.progress("growing the packing", part);
         let grown =
             growth::dense(domain, self.dimension, &radius, self.seed, self.insertion(rows), &progress);
         match grown {

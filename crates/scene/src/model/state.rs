@@ -35,7 +35,7 @@ pub trait StateSource {
     /// The reason why the file cannot be read.
     fn state(&self, path: &Path, index: i64) -> Result<State, String>;
 
-    /// Tells which part of a long work is done, which is named by a participle.
+    /// Tells which part of a long work is done, and what it is.
     fn progress(&self, _work: &str, _part: f64) {}
 
     /// The text of the table of sizes at `path`, relative to the current directory.

@@ -272,6 +272,9 @@ impl FilterFrame {
     /// The compact particle of particle i.
     #[inline(always)]
     pub fn compact<F: Features>(&self, world: &World, i: u32) -> CompactParticle {
+        if F::DEFORMS && !F::GRAVITY {
+            return self.moving::<F>(world, i);
+        }
         if self.is_plain::<F>() { self.straight::<F>(world, i) } else { self.falling::<F>(world, i) }
     }
 
@@ -323,6 +326,7 @@ impl FilterFrame {
     }
 
     /// [`Self::compact`] in a box that deforms.
+    #[inline(always)]
     fn moving<F: Features>(&self, world: &World, i: u32) -> CompactParticle {
         let Some(moving) = &self.moving else { return self.straight::<F>(world, i) };
         let particle = &world.particles[i as usize];

@@ -147,10 +147,11 @@ impl MovingFrame {
     /// coordinates, of a path that is at `position` then.
     #[inline(always)]
     pub fn path(&self, position: DVec3, velocity: DVec3) -> [[f64; 3]; 2] {
-        let (mut r, mut v) = (self.axes.ordered(position), self.axes.ordered(velocity));
-        for axis in 0..3 {
-            v[axis] -= self.diagonal[axis] * r[axis];
+        if self.axes.stretches() {
+            let flow = DVec3::from_array(self.diagonal) * position;
+            return [position.to_array(), (velocity - flow).to_array()];
         }
+        let (mut r, mut v) = (self.axes.ordered(position), self.axes.ordered(velocity));
         v[0] -= self.axes.rate * r[1] + self.tilt * v[1];
         r[0] -= self.tilt * r[1];
         [r, v]

@@ -106,11 +106,12 @@ impl<F: Features> ListPredictor<F> {
     /// Copies the new path of particle i. If the particle is too fast for the span, a new span begins.
     #[inline(always)]
     pub fn update(&mut self, world: &World, i: u32) {
-        if !self.plan.frame.is_plain::<F>() {
+        // Also in boxes that deform compiled with the vector instructions of the loop.
+        if !(self.plan.frame.is_plain::<F>() || F::DEFORMS && !F::GRAVITY) {
             self.update_falling(world, i);
             return;
         }
-        let compact = self.plan.frame.straight::<F>(world, i);
+        let compact = self.plan.frame.compact::<F>(world, i);
         let allowed = compact.is_within(self.plan.frame.limit2);
         compact.store(&mut self.particles[i as usize]);
         if !allowed {
