@@ -6,7 +6,7 @@ use crate::{
         continued,
         controls::Controls,
         single::{self, Finished},
-        states::ShownStates,
+        starting::Starting,
         warnings::warnings,
     },
     terminal::{
@@ -46,14 +46,10 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
         },
         (None, Some(scene)) => {
             let file = scene;
-            // Before the scene is read, which can take long: its packing may have to grow.
-            if let Some(output) = &options.output {
-                overwrite::check(output, &[("the scene", Some(file.as_path()))], options.overwrite)?;
-                overwrite::check_free(output, options.overwrite)?;
-            }
-            let states = ShownStates(Progress::on_terminal(options.quiet || logs));
-            let loaded = haff_scene::load(file, &options.set, &states);
-            drop(states);
+            let starting =
+                Starting::new(Progress::on_terminal(options.quiet || logs), options.output.clone());
+            let loaded = haff_scene::load(file, &options.set, &starting);
+            starting.finish();
             let mut scene = loaded.map_err(|errors| scene_failure(&errors))?;
             if let Some(output) = &options.output {
                 scene.output.file = Some(output.clone());
@@ -63,10 +59,13 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
                 let inputs =
                     [("the scene", Some(file.as_path())), ("the state that the scene starts from", state)];
                 overwrite::check(output, &inputs, options.overwrite)?;
+                // Before the checkpoints of a growth are removed.
+                overwrite::check_free(output, options.overwrite)?;
             }
             if !options.quiet {
                 output::warnings(&warnings(&scene));
             }
+            starting.remove_kept();
             single::start(scene, options.overwrite, controls)?
         }
         (None, None) => return Err(Failure::new(Status::Invalid, "a scene file is needed")),

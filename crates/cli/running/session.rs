@@ -22,8 +22,8 @@ const SLICE: u64 = 1 << 15;
 const SLICE_TIME: Duration = Duration::from_millis(100);
 /// Longest wall time between checkpoints, whatever the scene's interval; for large systems this time per
 /// particle, such that checkpoints write 1.3 MB/s.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
-const CHECKPOINT_PARTICLE: Duration = Duration::from_micros(60);
+pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
+pub const CHECKPOINT_PARTICLE: Duration = Duration::from_micros(60);
 /// Event rows sent to the writer at once.
 const EVENT_BATCH: usize = 1 << 13;
 

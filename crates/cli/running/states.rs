@@ -6,7 +6,7 @@ use glam::DVec3;
 use haff_scene::{State, StateSource, import::is_foreign};
 use serde::Deserialize;
 
-use crate::{running::python, terminal::progress::Progress};
+use crate::running::python;
 
 /// Reads the states that scenes start from.
 pub struct States;
@@ -28,25 +28,6 @@ impl StateSource for States {
             mass: Some(state.mass),
             precision: 0.0,
         })
-    }
-}
-
-/// [`States`], with a progress bar for long work on the way.
-pub struct ShownStates(pub Progress);
-
-impl StateSource for ShownStates {
-    fn state(&self, path: &Path, index: i64) -> Result<State, String> {
-        States.state(path, index)
-    }
-
-    fn progress(&self, work: &str, part: f64) {
-        self.0.show_work(work, part);
-    }
-}
-
-impl Drop for ShownStates {
-    fn drop(&mut self) {
-        self.0.finish();
     }
 }
 

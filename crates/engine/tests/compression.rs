@@ -180,6 +180,21 @@ fn work_of_a_compression_along_one_axis_is_the_integral_of_the_normal_stress() {
     }
 }
 
+/// A box that was large enough for lists becomes smaller: lists are made again for the present density, with
+/// thin skins, as long as they can run it.
+#[test]
+fn lists_are_used_while_a_box_becomes_small() {
+    let mut scene = gas(4, 0.3, 1.0, 5);
+    compress(&mut scene, DVec3::splat(0.1));
+    let options = Options { neighbors: NeighborChoice::Lists, ..Options::default() };
+    let mut simulation = Simulation::new(scene, options).expect("lists can run the box");
+    // To a packing fraction of 0.51.
+    for step in 1..=8 {
+        simulation.advance(until(0.2 * f64::from(step)), &mut Silent).expect("the box is not jammed");
+        assert_eq!(simulation.neighbors(), NeighborChoice::Lists, "edge {}", simulation.edges()[0].x);
+    }
+}
+
 /// Lists and windows have the trajectory of cells, in dilute and dense boxes.
 #[test]
 fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {

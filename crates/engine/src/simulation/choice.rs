@@ -129,6 +129,14 @@ impl Choice {
         changed
     }
 
+    /// Makes the choice for a search that has to be made again, for the present edges of a box: as if it were
+    /// the first one, but that it does not change at once near a limit.
+    pub fn renew(&mut self, system: &System, world: &World) {
+        if !self.reconsider(system, world) {
+            self.density = LocalDensity::of(system, &self.summary, world);
+        }
+    }
+
     /// The state for which the choice was made.
     pub fn case<'a>(&'a self, system: &'a System, world: &'a World) -> Case<'a> {
         Case { system, summary: &self.summary, density: &self.density, world }
@@ -306,6 +314,7 @@ impl Choice {
             return None;
         }
         let engine = ListSearch::<F, E>::new(self.kernel, system, &self.summary, &self.density, self.blocks);
+        debug_assert!(engine.is_ok(), "lists are chosen, but cannot run the system");
         Some(Box::new(engine.ok()?))
     }
 

@@ -56,7 +56,7 @@ impl Simulation {
         }
         let system = present_system(&self.system, world);
         // Also for the same search, which has been made for other edges.
-        self.choice.reconsider(&system, world);
+        self.choice.renew(&system, world);
         drop(system);
         self.compile();
         Ok(())

@@ -11,13 +11,13 @@ use super::particles::{Initial, Rows, SpeciesPlan};
 use super::shear::beside_displaced_images;
 use super::values::{at, item};
 use super::{Assembler, Refused};
-use crate::config::{PackingConfig, PositionsConfig};
+use crate::config::{OutputFileConfig, PackingConfig, PositionsConfig};
 use crate::model::state::State;
 use crate::placement::grid::{Periods, overlaps};
 use crate::placement::import;
 use crate::placement::packing::{
     Room,
-    growth::{self, packing_fraction},
+    growth::{self, Company, packing_fraction},
     lattice::lattice,
     loose,
 };
@@ -326,10 +326,13 @@ impl Assembler<'_> {
             self.document.report(&path, what);
             return;
         }
-        let states = self.states;
-        let progress = |part: f64| states.progress("growing the packing", part);
-        let grown =
-            growth::dense(domain, self.dimension, &radius, self.seed, self.insertion(rows), &progress);
+        let output = match self.config.output.as_ref().and_then(|output| output.file.as_ref()) {
+            Some(OutputFileConfig::Path(path)) => Some(path.clone()),
+            _ => None,
+        };
+        let company = Company { states: self.states, output: output.as_deref().map(Path::new) };
+        let stream = self.insertion(rows);
+        let grown = growth::dense(domain, self.dimension, &radius, self.seed, stream, company);
         match grown {
             Ok(sites) => {
                 for (body, site) in rows.bodies.iter_mut().zip(sites) {

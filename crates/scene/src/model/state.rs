@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
+use haff_engine::{Checkpoint, System};
 
 /// All particles of a recorded frame, in scene order.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -37,6 +38,22 @@ pub trait StateSource {
 
     /// Tells which part of a long work is done, and what it is.
     fn progress(&self, _work: &str, _part: f64) {}
+
+    /// The checkpoint of a growth that was interrupted: the packing of a scene with this output file. `key`
+    /// names all that the growth depends on. `None` if there is none.
+    fn kept_growth(&self, _output: Option<&Path>, _key: &str) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Offers a checkpoint of a growth that goes on, for [`Self::kept_growth`].
+    fn keep_growth(
+        &self,
+        _output: Option<&Path>,
+        _key: &str,
+        _system: &System,
+        _take: &dyn Fn() -> Checkpoint,
+    ) {
+    }
 
     /// The text of the table of sizes at `path`, relative to the current directory.
     ///

@@ -111,10 +111,10 @@ pub(super) struct Extent {
 }
 
 /// The largest distance of two particles of a list \[length\] that the edge of an axis allows, with
-/// `beyond` as in [`Extent`].
-pub(super) fn longest_reach(axis: Axis, edge: f64, beyond: [f64; 2], sigma: f64) -> f64 {
+/// `beyond` as in [`Extent`], in a box whose edges change by a part of up to `change` in a span.
+pub(super) fn longest_reach(axis: Axis, edge: f64, beyond: [f64; 2], sigma: f64, change: f64) -> f64 {
     // More than the least displacement, so that spans are not much shorter than they need to be.
-    let displaced = 2.0 * (1.0 + MARGIN) * MIN_DISPLACEMENT * sigma;
+    let displaced = 2.0 * (1.0 + MARGIN) * MIN_DISPLACEMENT * (1.0 + change) * sigma;
     match axis {
         Axis::Periodic => NEAREST * edge - displaced,
         Axis::Bounded => (NEAREST * (edge + beyond[0] + beyond[1]) - displaced) / (1.0 - NEAREST),

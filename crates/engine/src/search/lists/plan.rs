@@ -15,7 +15,7 @@ use crate::{
 
 use super::{
     frame::{self, Extent, FilterFrame},
-    moving::MovingFrame,
+    moving::{LARGEST_CHANGE, MovingFrame},
 };
 
 /// Mean number of members of a list. With the first value most lists, fluctuations included, fit into two
@@ -120,7 +120,8 @@ impl Plan {
         let is_endless = |k: usize| beyond[k].contains(&f64::INFINITY);
         let axes = [0, 1, 2].map(|k| if is_endless(k) { Axis::Open } else { kinds[k] });
         // In a small box the skin is thinner than would be fastest.
-        let longest = (0..3).map(|k| frame::longest_reach(axes[k], shortest[k], beyond[k], sigma));
+        let change = if moving.is_some() { LARGEST_CHANGE } else { 0.0 };
+        let longest = (0..3).map(|k| frame::longest_reach(axes[k], shortest[k], beyond[k], sigma, change));
         let thickest = 0.25 * (longest.fold(f64::INFINITY, f64::min) / sigma - CONTACT - strain);
         if thickest < THINNEST {
             return Err(Reason::new("an edge is too short for images of lists"));

@@ -8,14 +8,18 @@ Fast growth jams at a lower packing fraction than slow growth: what jams too ear
 rate.
 */
 
+use std::path::Path;
+
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Class, Compression, ConstantVelocity, Contacts, Dimension, Domain, Drive, DriveKind,
-    EngineError, Group, Measure, Options, Silent, Simulation, Stop, System, Until, Wall, WallLaw, WallMotion,
+    EngineError, Group, Measure, Options, Silent, Simulation, Stop, System, TRAJECTORY_VERSION, Until, Wall,
+    WallLaw, WallMotion, significant,
 };
 use haff_mechanics::Restitution;
 
 use super::{Room, loose};
+use crate::StateSource;
 use crate::model::scene::{GrowthEnd, GrowthRun};
 use crate::placement::random::Stream;
 use crate::placement::velocity::{Bath, equilibrate, maxwell};
@@ -37,10 +41,30 @@ pub(crate) fn packing_fraction(dimension: Dimension, size: DVec3, radius: &[f64]
     filled / size.to_array()[..dimension.count()].iter().product::<f64>()
 }
 
+/// What accompanies a growth: who is told how far it is, and keeps checkpoints of it.
+#[derive(Clone, Copy)]
+pub(crate) struct Company<'a> {
+    pub(crate) states: &'a dyn StateSource,
+    /// The output file of the scene.
+    pub(crate) output: Option<&'a Path>,
+}
+
+/// A growth from a dilute start, at one of several rates.
+struct Growth<'a> {
+    larger: &'a Domain,
+    dimension: Dimension,
+    radius: &'a [f64],
+    position: &'a [DVec3],
+    /// By which the box becomes smaller.
+    scale: f64,
+    seed: u64,
+    company: Company<'a>,
+}
+
 /// Centres for spheres of these radii in a box with periodic or walled axes, whatever its packing fraction.
 ///
-/// `stream` gives the random numbers of the placement of each particle, `seed` those of velocities.
-/// `progress` is told the part of the growth that is done. The result depends on nothing else.
+/// `stream` gives the random numbers of the placement of each particle, `seed` those of velocities. The
+/// result depends on nothing else: not on where the growth has been interrupted.
 ///
 /// # Errors
 /// The growth jams before, at every rate.
@@ -50,7 +74,7 @@ pub(crate) fn dense(
     radius: &[f64],
     seed: u64,
     stream: impl Fn(usize) -> Stream,
-    progress: &dyn Fn(f64),
+    company: Company<'_>,
 ) -> Result<Vec<DVec3>, Jammed> {
     let wanted = packing_fraction(dimension, domain.size, radius);
     let start = wanted.min(FLUID[dimension.count() - 2]);
@@ -64,9 +88,14 @@ pub(crate) fn dense(
     if scale == 1.0 {
         return Ok(position);
     }
+    let growth = Growth { larger: &larger, dimension, radius, position: &position, scale, seed, company };
+    // An interrupted growth goes on at its rate: the faster ones have jammed.
+    let Company { states, output } = company;
+    let kept = |rate: &f64| states.kept_growth(output, &growth.key(*rate)).is_some();
+    let first = RATES.iter().position(kept).unwrap_or(0);
     let mut most: f64 = start;
-    for rate in RATES {
-        match grow(&larger, dimension, radius, &position, rate, scale, seed, progress) {
+    for &rate in &RATES[first..] {
+        match growth.grow(rate) {
             Ok(position) => return Ok(into(domain, dimension, position)),
             Err(Jammed { packing_fraction }) => most = most.max(packing_fraction),
         }
@@ -74,45 +103,140 @@ pub(crate) fn dense(
     Err(Jammed { packing_fraction: most })
 }
 
-/// Compresses the larger box by the factor `scale`. Returns positions by edge.
-#[expect(clippy::too_many_arguments, reason = "the growth as a whole")]
-fn grow(
-    larger: &Domain,
-    dimension: Dimension,
-    radius: &[f64],
-    position: &[DVec3],
-    rate: f64,
-    scale: f64,
-    seed: u64,
-    progress: &dyn Fn(f64),
-) -> Result<Vec<DVec3>, Jammed> {
-    let largest = radius.iter().copied().fold(0.0, f64::max);
-    let gamma = rate / (2.0 * largest);
-    let end = (1.0 - 1.0 / scale) / gamma;
-    let system = system(larger, dimension, radius, position, gamma, seed);
-    let fraction = |time: f64| packing_fraction(dimension, system.domain.edges(time), radius);
-    let failed = |time: f64| Jammed { packing_fraction: fraction(time) };
-    let growth = GrowthRun::new(radius.len(), Some(GrowthEnd::PackingFraction(fraction(end))));
-    let mut simulation =
-        Simulation::new(system.clone(), Options::default()).map_err(|_: EngineError| failed(0.0))?;
-    simulation.sample();
-    loop {
-        let collisions = growth.next(simulation.counters().collisions);
-        match simulation.advance(Until { time: end, collisions, ..Until::default() }, &mut Silent) {
-            Ok(Stop::Time) => break,
-            Ok(Stop::Collisions | Stop::Slice) => {}
-            Ok(Stop::Rest) | Err(_) => return Err(failed(simulation.time())),
-        }
-        simulation.sample();
-        let last = simulation.take_compressed();
-        if last.is_some_and(|last| growth.grown(&last, collisions).is_some()) {
-            return Err(failed(simulation.time()));
-        }
-        progress(simulation.time() / end);
+impl Growth<'_> {
+    /// A name of all that a growth at a rate depends on.
+    fn key(&self, rate: f64) -> String {
+        // FNV-1a.
+        let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+        let mut add = |number: f64| {
+            for byte in number.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+            }
+        };
+        let of_particles = self.radius.iter().zip(self.position);
+        of_particles.for_each(|(&radius, r)| [radius, r.x, r.y, r.z].into_iter().for_each(&mut add));
+        self.larger.size.to_array().into_iter().for_each(add);
+        let Self { scale, seed, .. } = self;
+        format!(
+            "growth of the packing {hash:016x} by {scale}, seed {seed}, rate {rate}, trajectory {TRAJECTORY_VERSION}"
+        )
     }
-    let frame = simulation.frame();
-    let edges = DVec3::new(frame.edges[0].x, frame.edges[1].y, frame.edges[2].z);
-    Ok(frame.position.iter().map(|position| *position / edges).collect())
+
+    /// Compresses the larger box. Returns positions by edge.
+    fn grow(&self, rate: f64) -> Result<Vec<DVec3>, Jammed> {
+        let &Self { dimension, radius, scale, company: Company { states, output }, .. } = self;
+        let largest = radius.iter().copied().fold(0.0, f64::max);
+        let gamma = rate / (2.0 * largest);
+        let end = (1.0 - 1.0 / scale) / gamma;
+        let system = self.system(gamma);
+        let fraction = |time: f64| packing_fraction(dimension, system.domain.edges(time), radius);
+        let failed = |time: f64| Jammed { packing_fraction: fraction(time) };
+        let growth = GrowthRun::new(radius.len(), Some(GrowthEnd::PackingFraction(fraction(end))));
+        let key = self.key(rate);
+        let options = Options::default();
+        let kept = states.kept_growth(output, &key);
+        // A file that does not fit is none.
+        let kept = kept.and_then(|kept| Simulation::restore(system.clone(), options.clone(), &kept).ok());
+        let mut simulation = if let Some(simulation) = kept {
+            simulation
+        } else {
+            let mut new = Simulation::new(system.clone(), options).map_err(|_: EngineError| failed(0.0))?;
+            new.sample();
+            new
+        };
+        loop {
+            let collisions = growth.next(simulation.counters().collisions);
+            match simulation.advance(Until { time: end, collisions, ..Until::default() }, &mut Silent) {
+                Ok(Stop::Time) => break,
+                Ok(Stop::Collisions | Stop::Slice) => {}
+                Ok(Stop::Rest) | Err(_) => return Err(failed(simulation.time())),
+            }
+            simulation.sample();
+            let last = simulation.take_compressed();
+            if last.is_some_and(|last| growth.grown(&last, collisions).is_some()) {
+                return Err(failed(simulation.time()));
+            }
+            states.keep_growth(output, &key, &system, &|| simulation.checkpoint());
+            states.progress(
+                &format!("growing to φ = {}", significant(fraction(end), 4)),
+                simulation.time() / end,
+            );
+        }
+        let frame = simulation.frame();
+        let edges = DVec3::new(frame.edges[0].x, frame.edges[1].y, frame.edges[2].z);
+        Ok(frame.position.iter().map(|position| *position / edges).collect())
+    }
+
+    /// Elastic spheres of mass 1 and temperature 1 in a box that is compressed.
+    fn system(&self, gamma: f64) -> System {
+        let &Self { larger, dimension, radius, position, seed, .. } = self;
+        let d = dimension.count();
+        let rates = DVec3::from_array([0, 1, 2].map(|axis| if axis < d { gamma } else { 0.0 }));
+        let mut domain = Domain { compression: Some(Compression { rates }), ..*larger };
+        if dimension == Dimension::Two {
+            domain.boundary[2] = Boundary::Open;
+        }
+        let mut velocity: Vec<DVec3> =
+            (0..radius.len()).map(|i| maxwell(seed, "", i, 1.0, dimension)).collect();
+        let bath = Bath { temperature: 1.0, members: (0..radius.len()).collect() };
+        equilibrate(&mut velocity, &vec![1.0; radius.len()], &[bath], dimension);
+        let mut classes: Vec<Class> = Vec::new();
+        let mut class_of = std::collections::BTreeMap::new();
+        let mut class = |radius: f64| {
+            *class_of.entry(radius.to_bits()).or_insert_with(|| {
+                classes.push(Class { radius, mass: 1.0, group: 0 });
+                classes.len() as u32 - 1
+            })
+        };
+        let is_periodic = |axis: usize| domain.boundary[axis] == Boundary::Periodic;
+        let flow =
+            DVec3::from_array([0, 1, 2].map(|axis| if is_periodic(axis) { -rates[axis] } else { 0.0 }));
+        let bodies: Vec<Body> = position
+            .iter()
+            .zip(&velocity)
+            .zip(radius)
+            .map(|((&position, &velocity), &radius)| Body {
+                position,
+                velocity: velocity + flow * position,
+                image: [0; 3],
+                class: class(radius),
+                species: 0,
+            })
+            .collect();
+        let mut walls = Vec::new();
+        for axis in (0..d).filter(|&axis| domain.boundary[axis] == Boundary::Wall) {
+            let normal = DVec3::AXES[axis];
+            let edge = normal * domain.size[axis];
+            let moving =
+                WallMotion::Constant(ConstantVelocity { velocity: -gamma * edge, reference_time: 0.0 });
+            for (point, normal, motion) in [(DVec3::ZERO, normal, WallMotion::Fixed), (edge, -normal, moving)]
+            {
+                walls.push(Wall { name: String::new(), point, normal, motion, shape: None });
+            }
+        }
+        let elastic = Restitution::Constant(1.0);
+        // The same for every rate: heating by a hundredth of the growth at first.
+        let kind = DriveKind::Hold { temperature: 1.0, longest: 0.01 / gamma };
+        System {
+            dimension,
+            domain,
+            bodies,
+            classes,
+            groups: vec![Group { name: "grain".to_owned() }],
+            species: vec!["grain".to_owned()],
+            contacts: Contacts {
+                pair: vec![elastic],
+                wall: walls.iter().map(|_| WallLaw::Restitution(elastic)).collect(),
+                tc: 0.0,
+                rest_speed: 0.0,
+            },
+            walls,
+            spin: None,
+            drives: vec![Drive { kind, species: vec![0] }],
+            seed,
+            measure: Measure::default(),
+        }
+    }
 }
 
 /// Positions by edge, in a domain.
@@ -130,77 +254,4 @@ fn into(domain: &Domain, dimension: Dimension, mut position: Vec<DVec3>) -> Vec<
         }
     }
     position
-}
-
-/// Elastic spheres of mass 1 and temperature 1 in a box that is compressed.
-fn system(
-    larger: &Domain,
-    dimension: Dimension,
-    radius: &[f64],
-    position: &[DVec3],
-    gamma: f64,
-    seed: u64,
-) -> System {
-    let d = dimension.count();
-    let rates = DVec3::from_array([0, 1, 2].map(|axis| if axis < d { gamma } else { 0.0 }));
-    let mut domain = Domain { compression: Some(Compression { rates }), ..*larger };
-    if dimension == Dimension::Two {
-        domain.boundary[2] = Boundary::Open;
-    }
-    let mut velocity: Vec<DVec3> = (0..radius.len()).map(|i| maxwell(seed, "", i, 1.0, dimension)).collect();
-    let bath = Bath { temperature: 1.0, members: (0..radius.len()).collect() };
-    equilibrate(&mut velocity, &vec![1.0; radius.len()], &[bath], dimension);
-    let mut classes: Vec<Class> = Vec::new();
-    let mut class_of = std::collections::BTreeMap::new();
-    let mut class = |radius: f64| {
-        *class_of.entry(radius.to_bits()).or_insert_with(|| {
-            classes.push(Class { radius, mass: 1.0, group: 0 });
-            classes.len() as u32 - 1
-        })
-    };
-    let is_periodic = |axis: usize| domain.boundary[axis] == Boundary::Periodic;
-    let flow = DVec3::from_array([0, 1, 2].map(|axis| if is_periodic(axis) { -rates[axis] } else { 0.0 }));
-    let bodies: Vec<Body> = position
-        .iter()
-        .zip(&velocity)
-        .zip(radius)
-        .map(|((&position, &velocity), &radius)| Body {
-            position,
-            velocity: velocity + flow * position,
-            image: [0; 3],
-            class: class(radius),
-            species: 0,
-        })
-        .collect();
-    let mut walls = Vec::new();
-    for axis in (0..d).filter(|&axis| domain.boundary[axis] == Boundary::Wall) {
-        let normal = DVec3::AXES[axis];
-        let edge = normal * domain.size[axis];
-        let moving = WallMotion::Constant(ConstantVelocity { velocity: -gamma * edge, reference_time: 0.0 });
-        for (point, normal, motion) in [(DVec3::ZERO, normal, WallMotion::Fixed), (edge, -normal, moving)] {
-            walls.push(Wall { name: String::new(), point, normal, motion, shape: None });
-        }
-    }
-    let elastic = Restitution::Constant(1.0);
-    // The same for every rate: heating by a hundredth of the growth at first.
-    let kind = DriveKind::Hold { temperature: 1.0, longest: 0.01 / gamma };
-    System {
-        dimension,
-        domain,
-        bodies,
-        classes,
-        groups: vec![Group { name: "grain".to_owned() }],
-        species: vec!["grain".to_owned()],
-        contacts: Contacts {
-            pair: vec![elastic],
-            wall: walls.iter().map(|_| WallLaw::Restitution(elastic)).collect(),
-            tc: 0.0,
-            rest_speed: 0.0,
-        },
-        walls,
-        spin: None,
-        drives: vec![Drive { kind, species: vec![0] }],
-        seed,
-        measure: Measure::default(),
-    }
 }
