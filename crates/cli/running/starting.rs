@@ -19,8 +19,8 @@ use crate::{
     terminal::progress::Progress,
 };
 
-/// [`States`] for a run that begins: with a progress bar while its packing grows, and checkpoints of the growth
-/// in a file beside the output, from which the same command goes on.
+/// [`States`] for a run that begins: with a progress bar while its packing grows, and checkpoints of the
+/// growth in a file beside the output, from which the same command goes on.
 pub struct Starting {
     progress: Progress,
     /// The output file, if the command names one; else the scene does.

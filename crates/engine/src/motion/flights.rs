@@ -128,8 +128,8 @@ fn end_after(state: &mut State, i: u32, duration: f64) {
 }
 
 /// What [`end`] adds for two particles that collide at `ticks`, in a box that is compressed at one rate along
-/// all axes: the work of the flow in their flights \[energy\]. Their integrals are added, if only the trace is
-/// summed.
+/// all axes: the work of the flow in their flights \[energy\]. Their integrals are added, if only the trace
+/// is summed.
 #[inline(always)]
 pub(crate) fn end_isotropic(state: &mut State, isotropic: &Isotropic, bodies: [u32; 2], ticks: i64) -> f64 {
     let State { world, accumulators, .. } = state;

@@ -671,8 +671,8 @@ pub const FORMER: [Recipe; 51] = [
         seed: 7_896_000_023_845_376_288,
         ..PLAIN
     },
-    // Compression in far boxes: peculiar velocities at positions far from the origin are rounded by as much as
-    // the flow there is faster.
+    // Compression in far boxes: peculiar velocities at positions far from the origin are rounded by as much
+    // as the flow there is faster.
     Recipe {
         flat: true,
         far: true,
