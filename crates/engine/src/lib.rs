@@ -46,18 +46,18 @@ mod examples;
 extern crate self as haff_engine; // tests/common builds its systems with the public interface
 
 pub use model::{
-    Action, Body, Boundary, Class, Column, Compressed, Compression, ConstantVelocity, Contacts, Correlations,
-    Dimension, Domain, Drive, DriveKind, DrivenParticles, Grid, GridAxis, Group, Hole, KickTimes, Measure,
-    NamedAction, NamedProbe, NeighborChoice, Options, Oscillating, Particles, Partition, Probe, Shape, Shear,
-    SimdChoice, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
+    Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Dimension,
+    Domain, Drive, DriveKind, DrivenParticles, Grid, GridAxis, Group, Hole, KickTimes, Measure, NamedAction,
+    NamedProbe, NeighborChoice, Options, Oscillating, Particles, Partition, Probe, Shape, Shear, SimdChoice,
+    Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
     conserved_momentum, named_action, rest_speed_of_diameter,
 };
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{
-    BlockCounts, CORRELATIONS, Checkpoint, Correlation, CorrelationKind, Counters, EventColumn, EventKind,
-    EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, NO_PARTNER, Observable, Observer, Partner,
-    ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop, StressTensor, Term, Total,
-    VelocityChange, counts, energies, observables, residual_warning, total_names, totals,
+    BlockCounts, CORRELATIONS, Checkpoint, Compressed, Correlation, CorrelationKind, Counters, EventColumn,
+    EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, NO_PARTNER, Observable, Observer,
+    Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop, StressTensor,
+    Term, Total, VelocityChange, counts, energies, observables, residual_warning, total_names, totals,
 };
 pub use simulation::{
     Change, NewParticle, SearchSupport, Simulation, Until, clustering_warning, critical_length,

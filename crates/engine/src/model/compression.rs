@@ -2,8 +2,6 @@
 
 use glam::DVec3;
 
-use super::Dimension;
-
 /// Edges of the box that become shorter or longer at a constant velocity: the edge along each axis is
 /// L (1 − γ t) at the time t of the run, for the edge L of the [`Domain`](super::Domain).
 ///
@@ -26,29 +24,5 @@ impl Compression {
     #[must_use]
     pub fn end(&self) -> f64 {
         1.0 / self.rates.max_element().max(0.0)
-    }
-}
-
-/// A box that is compressed, over the time since it was asked for the last time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Compressed {
-    /// 2 or 3.
-    pub dimension: Dimension,
-    /// The part of the box that the particles fill now.
-    pub packing_fraction: f64,
-    /// p = ∫ P V dt/(N ∫ T dt); NaN for an empty interval, and without motion.
-    pub reduced_pressure: f64,
-}
-
-impl Compressed {
-    /// Least reduced pressure at which the packing fraction of jamming follows from it.
-    const JAMMING: f64 = 1e3;
-
-    /// The packing fraction φ_J at which the particles jam, from p = d/(1 − φ/φ_J) (Z. W. Salsburg,
-    /// W. W. Wood, J. Chem. Phys. 37, 798 (1962)); `None` far from it.
-    #[must_use]
-    pub fn jamming(&self) -> Option<f64> {
-        let left = 1.0 - self.dimension.count() as f64 / self.reduced_pressure;
-        (self.reduced_pressure > Self::JAMMING).then(|| self.packing_fraction / left)
     }
 }

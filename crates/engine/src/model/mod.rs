@@ -45,7 +45,7 @@ pub use system::{
 pub use haff_mechanics::{Hole, Partition, Restitution, Shape, Surface};
 
 pub use action::{Action, NamedAction, named_action};
-pub use compression::{Compressed, Compression};
+pub use compression::Compression;
 pub use conserved::{common_velocity, conserved_momentum};
 pub use drive::{Drive, DriveKind, KickTimes};
 pub use exchange::{Exchange, Partner, VelocityChange};

@@ -18,6 +18,7 @@ yet is a field of it, too, computed in `measure/sample.rs` and `linkage/src/simu
 */
 
 pub(crate) mod checkpoint;
+pub(crate) mod compressed;
 pub(crate) mod correlation;
 pub(crate) mod event;
 pub(crate) mod ledger;
@@ -29,6 +30,7 @@ pub(crate) mod totals;
 
 pub use crate::model::{Exchange, Partner, VelocityChange};
 pub use checkpoint::Checkpoint;
+pub use compressed::Compressed;
 pub use correlation::{CORRELATIONS, Correlation, CorrelationKind};
 pub(crate) use event::row;
 pub use event::{EventColumn, EventKind, EventRecord, NO_PARTNER};

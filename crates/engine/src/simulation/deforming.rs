@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::{
-    measure::sample::packing_fraction, model::Compressed, numerics::error::EngineError,
+    measure::sample::packing_fraction, numerics::error::EngineError, report::Compressed,
     simulation::run::Simulation, state::deformation::Deformation, support::geometry::present_system,
 };
 

@@ -1,7 +1,7 @@
 /*!
 The simulation: a state, an engine compiled for the features of the system, and the epochs of the clock.
 
-*What is here.* [`Simulation`] is what callers use. [`choice`] decides which search runs, [`change`] replaces
+*What is here.* [`Simulation`] is what callers use. [`epochs`] are those of its clock. [`choice`] decides which search runs, [`change`] replaces
 particles, laws and walls on the way, [`checkpoint`] saves and [`valid`] checks what is loaded. [`warnings`]
 says what a scene will probably do.
 
@@ -18,6 +18,7 @@ pub(crate) mod checkpoint;
 pub(crate) mod choice;
 pub(crate) mod clustering;
 mod deforming;
+mod epochs;
 pub(crate) mod initial;
 mod present;
 pub(crate) mod run;

@@ -8,7 +8,7 @@ use crate::{actions::timed::TimedAction, numerics::error::EngineError, report::O
 use super::{driven::Driven, rescale::rescale};
 
 /// Change of the temperature between two actions, as its logarithm, that the intervals aim at.
-const CHANGE: f64 = 0.5;
+const CHANGE: f64 = 0.2;
 /// The first interval, as a part of the longest: a run can start close to jamming, where heating is fast, and
 /// particles that are heated without bound would never reach the time of the next action.
 const FIRST: f64 = 1e-6;
