@@ -216,11 +216,27 @@ fn check_laws(
     let peculiar = |position: DVec3, v: DVec3, time: f64| (v - flow(system, position, time)).length();
     let edges = [0.0, frame.time].map(|time| system.domain.edges(time));
     let of_faces = flow(system, edges[0], 0.0).length().max(flow(system, edges[1], frame.time).length());
+    // A kick of a drive rounds the velocity like an event, but has no row.
+    let kicks: f64 = system
+        .drives
+        .iter()
+        .map(|drive| match drive.kind {
+            DriveKind::Rescale { interval, .. }
+            | DriveKind::Hold { longest: interval, .. }
+            | DriveKind::WhiteNoise { kicks: KickTimes::Regular { interval }, .. } => frame.time / interval,
+            DriveKind::Andersen { rate, .. }
+            | DriveKind::WhiteNoise { kicks: KickTimes::Poisson { rate }, .. } => frame.time * rate,
+            DriveKind::Named(_) => 0.0,
+        })
+        .sum();
     // Under compression every flight ends at a rounded position, and so with a rounded peculiar velocity;
     // what is wrong then grows with the velocities.
     let growth = (system.domain.size / edges[1]).max_element().max(1.0);
-    let flights =
-        if system.domain.compression.is_some() { (2.0 * log.0.len() as f64).sqrt().max(1.0) } else { 1.0 };
+    let flights = if system.domain.compression.is_some() {
+        (2.0 * log.0.len() as f64 + kicks * momenta.len() as f64).sqrt().max(1.0)
+    } else {
+        1.0
+    };
     let speeds =
         system.bodies.iter().zip(frame.position.iter().zip(&frame.velocity)).map(|(body, (r, v))| {
             let mass = system.classes[body.class as usize].mass;
@@ -248,19 +264,6 @@ fn check_laws(
                 return 0.0;
             }
             momentum_at(body, event) * speed_at(body, event) + 2.0 * event.impulse * wall.motion.max_speed()
-        })
-        .sum();
-    // A kick of a drive rounds the velocity like an event, but has no row.
-    let kicks: f64 = system
-        .drives
-        .iter()
-        .map(|drive| match drive.kind {
-            DriveKind::Rescale { interval, .. }
-            | DriveKind::Hold { longest: interval, .. }
-            | DriveKind::WhiteNoise { kicks: KickTimes::Regular { interval }, .. } => frame.time / interval,
-            DriveKind::Andersen { rate, .. }
-            | DriveKind::WhiteNoise { kicks: KickTimes::Poisson { rate }, .. } => frame.time * rate,
-            DriveKind::Named(_) => 0.0,
         })
         .sum();
     let kicked: f64 =

@@ -76,59 +76,91 @@ def pack(binary: Path, arguments: list[str], slowly: tuple[float, float] | None 
             ), collisions
 
 
+@dataclass(frozen=True)
+class Case:
+    """Packings of one kind, and what is expected of them."""
+
+    name: str
+    arguments: tuple[str, ...]
+    seeds: int
+    slowly: tuple[float, float] | None = None
+    jamming: tuple[float, float] | None = None
+    """φ_J and its uncertainty."""
+    missing: float = 0.1
+    """Largest part of the contacts that may be missing, in the mean."""
+
+
 def packings(context: Context) -> list[Row]:
     """Packings by growth (`haff pack`). φ_J of equal spheres depends on the protocol: C. S. O'Hern, L. E. Silbert,
-    A. J. Liu and S. R. Nagel, Phys. Rev. E 68, 011306 (2003), have 0.639 ± 0.001, growth 0.64 to 0.65 as its rate falls
-    (A. Donev, S. Torquato, F. H. Stillinger, Phys. Rev. E 71, 011105 (2005)), so that the expectation is taken as
-    uncertain by 0.004; disks of sizes 1 : 1.4 have 0.842 there and more if they grow slowly. Without friction the backbone
-    is isostatic: 2d(1 − 1/N') + 2/N' contacts of a particle. Fast growth leaves some of them open, slow growth (0.001 from
-    φ = 0.62 on, so that spheres have no time for a crystal before) at most 1 %. Near jamming p = d/(1 − φ/φ_J). Growth at a
-    rate of 10⁻⁴ makes crystals."""
-    few = context.effort(10, 2)
-    spheres, disks = ["--jammed"], ["--jammed", "--dimension", "2", "--sizes", "{ list = [0.5, 0.7] }"]
-    dense = ["--packing-fraction", "0.62", "--rate", "0.015"]
-    high = ["--reduced-pressure", "1e10"]
-    slowly = (0.001, 1e10)
-    mixture = ["--sizes", "{ list = [0.5, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2] }", "--rate", "0.003", "--packing-fraction", "0.7"]
-    cases = {
-        "1,000 spheres, rate 0.03": (["1000", *spheres], None, few),
-        "1,000 spheres, rate 0.01": (["1000", *spheres, "--rate", "0.01"], None, few),
-        "10,000 spheres, rate 0.03": (["10000", *spheres], None, context.effort(10, 2)),
-        "1,000 spheres, rate 0.001 from φ = 0.62": (["1000", *dense], slowly, context.effort(8, 2)),
-        "1,000 disks 1 : 1.4, rate 0.002": (["1000", *disks, *high, "--rate", "0.002"], None, context.effort(8, 2)),
-        "500 spheres, rate 0.02, p = 10¹²": (["500", *spheres, "--reduced-pressure", "1e12", "--rate", "0.02"], None, 2),
-        "500 spheres, rate 10⁻⁴": (["500", *spheres, "--reduced-pressure", "1e6", "--rate", "1e-4"], None, few // 2),
-        "700 spheres, one of radius 0.5 for six of 0.2": (["700", *mixture], None, 2),
-    }
+    A. J. Liu and S. R. Nagel, Phys. Rev. E 68, 011306 (2003), have 0.639 ± 0.001, growth 0.64 to 0.65 as its rate
+    falls (A. Donev, S. Torquato, F. H. Stillinger, Phys. Rev. E 71, 011105 (2005)), so that the expectation is taken
+    as uncertain by 0.004; disks of sizes 1 : 1.4 have 0.842 there and more if they grow slowly. Without friction the
+    backbone is isostatic: 2d(1 − 1/N') + 2/N' contacts of a particle. Fast growth leaves some of them open, slow growth
+    (0.001 from φ = 0.62 on, so that spheres have no time for a crystal before) at most 1 %. Near jamming
+    p = d/(1 − φ/φ_J). Growth at a rate of 10⁻⁴ makes crystals."""
+    ten, eight = context.effort(10, 2), context.effort(8, 2)
+    two_sizes = ("--dimension", "2", "--sizes", "{ list = [0.5, 0.7] }", "--jammed", "--reduced-pressure", "1e10")
+    spheres, disks = (0.641, 0.004), (0.845, 0.003)
+    cases = [
+        Case("1,000 spheres, rate 0.03", ("1000", "--jammed"), ten, jamming=spheres),
+        Case("1,000 spheres, rate 0.01", ("1000", "--jammed", "--rate", "0.01"), ten, jamming=spheres),
+        Case("10,000 spheres, rate 0.03", ("10000", "--jammed"), ten, jamming=spheres),
+        Case(
+            "1,000 spheres, rate 0.001 from φ = 0.62, p = 10¹⁰",
+            ("1000", "--packing-fraction", "0.62", "--rate", "0.015"),
+            eight, slowly=(0.001, 1e10), jamming=spheres, missing=0.01,
+        ),
+        Case(
+            "1,000 disks 1 : 1.4, rate 0.002, p = 10¹⁰",
+            ("1000", *two_sizes, "--rate", "0.002"), eight, jamming=disks, missing=0.01,
+        ),
+        Case(
+            "500 spheres, rate 0.02, p = 10¹²",
+            ("500", "--jammed", "--reduced-pressure", "1e12", "--rate", "0.02"), 2, jamming=spheres,
+        ),
+    ]  # fmt: skip
+    crystals = Case(
+        "500 spheres, rate 10⁻⁴", ("500", "--jammed", "--reduced-pressure", "1e6", "--rate", "1e-4"), ten // 2
+    )
+    mixture = Case(
+        "700 spheres, six of radius 0.2 for each of 0.5",
+        ("700", "--sizes", "{ list = [0.5, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2] }", "--rate", "0.003",
+         "--packing-fraction", "0.7"), 2,
+    )  # fmt: skip
+    made = _made(context, [*cases, crystals, mixture])
+    rows = [
+        at_most(case.name, "overlap, largest", max(p.overlap for p in made[case]), 1e-12, "jammed") for case in made
+    ]
+    for case in cases:
+        packs, d = made[case], 2 if "disks" in case.name else 3
+        assert case.jamming is not None
+        fractions, (value, doubt) = [p.packing_fraction for p in packs], case.jamming
+        rows.append(compare(case.name, "φ_J", fractions, value, "published, by protocol", doubt))
+        rows.append(at_most(case.name, "Q₆ or |ψ₆|, largest", max(p.order for p in packs), 0.2, "no order"))
+        missing = abs(sum(p.missing for p in packs) / len(packs))
+        rows.append(at_most(case.name, "contacts missing, mean", missing, case.missing, "isostatic"))
+        if case.missing < 0.1:
+            rows.append(compare(case.name, "c", [p.coefficient for p in packs], d, "p = d/(1 − φ/φ_J)", 0.02 * d))
+    least = 0.69 - max(p.packing_fraction for p in made[crystals])
+    rows.append(at_most(crystals.name, "0.69 − φ of the densest", least, 0.0, "denser than without order"))
+    disorder = 0.3 - max(p.order for p in made[crystals])
+    rows.append(at_most(crystals.name, "0.3 − Q₆, the largest", disorder, 0.0, "a crystal"))
+    off = max(abs(p.packing_fraction - 0.7) for p in made[mixture])
+    rows.append(at_most(mixture.name, "φ − 0.7, largest", off, 1e-12, "as asked for"))
+    return rows
+
+
+def _made(context: Context, cases: list[Case]) -> dict[Case, list[Jammed]]:
+    """All packings of all cases."""
     work = [
-        (context.binary, [*arguments, "--seed", str(seed)], then)
-        for arguments, then, seeds in cases.values()
-        for seed in range(1, seeds + 1)
+        (context.binary, [*case.arguments, "--seed", str(seed)], case.slowly)
+        for case in cases
+        for seed in range(1, case.seeds + 1)
     ]
     done = context.map(pack, work)
     context.collisions += sum(collisions for _, collisions in done)
     found = iter(packing for packing, _ in done)
-    of = {name: [next(found) for _ in range(seeds)] for name, (_, _, seeds) in cases.items()}
-    rows = []
-    for name, packs in of.items():
-        rows.append(at_most(name, "overlap, largest", max(p.overlap for p in packs), 1e-12, "jammed"))
-        fractions = [p.packing_fraction for p in packs]
-        if "10⁻⁴" in name:
-            rows.append(at_most(name, "0.69 − φ, smallest", 0.69 - max(fractions), 0.0, "denser than any without order"))
-            rows.append(at_most(name, "0.3 − Q₆, smallest", 0.3 - max(p.order for p in packs), 0.0, "a crystal"))
-            continue
-        if "700" in name:
-            rows.append(at_most(name, "φ − 0.7, largest", max(abs(f - 0.7) for f in fractions), 1e-12, "as asked for"))
-            continue
-        d, value, doubt = (2, 0.845, 0.003) if "disks" in name else (3, 0.641, 0.004)
-        rows.append(compare(name, "φ_J", fractions, value, "published, by protocol", doubt))
-        rows.append(at_most(name, "Q₆ or |ψ₆|, largest", max(p.order for p in packs), 0.2, "no order"))
-        limit = 0.01 if "00" in name.partition("rate")[2] else 0.1
-        missing = max(abs(sum(p.missing for p in packs) / len(packs)), 0.0)
-        rows.append(at_most(name, "contacts missing, mean", missing, limit, "isostatic"))
-        if limit == 0.01:
-            rows.append(compare(name, "c", [p.coefficient for p in packs], d, "p = d/(1 − φ/φ_J)", 0.02 * d))
-    return rows
+    return {case: [next(found) for _ in range(case.seeds)] for case in cases}
 
 
 PARTS = (Part("packings", "Packings", packings, 85),)
