@@ -179,7 +179,7 @@ pub struct Pack {
     pub container: Container,
     /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams
     /// later, and equal particles crystallise. Default: 0.1 up to packing fractions of 0.6 (disks: 0.82),
-    /// 0.01 above, and 0.03 to jamming.
+    /// 0.01 above, and 0.035 to jamming.
     #[arg(long, value_name = "R")]
     pub rate: Option<f64>,
     /// Seed of the random numbers.

@@ -25,7 +25,7 @@ const FLUID: [f64; 2] = [0.65, 0.5];
 const FAST: f64 = 0.1;
 const FAST_UP_TO: [f64; 2] = [0.82, 0.60];
 const SLOW: f64 = 0.01;
-const JAMMING: f64 = 0.03;
+const JAMMING: f64 = 0.035;
 /// Frames of a run.
 const FRAMES: f64 = 10.0;
 /// Rows of observables of a growth to a stated packing fraction: the last interval is not empty.

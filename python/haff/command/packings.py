@@ -73,7 +73,7 @@ def pack(
     rate
         Growth of the largest diameter in the time in which a particle at thermal speed √(T/m) flies by it,
         (dσ/dt)/√(T/m). Slow growth (10⁻³ and less) gives a denser packing, and crystals of equal particles. By default
-        0.03 until the particles jam, 0.1 to packing fractions of 0.6 (disks: 0.82), 0.01 to higher ones.
+        0.035 until the particles jam, 0.1 to packing fractions of 0.6 (disks: 0.82), 0.01 to higher ones.
     reduced_pressure
         P V/(N T) at which a packing is jammed, above 1, at most 10¹²; gaps of contacts are then about that part of the
         diameters.

@@ -102,9 +102,9 @@ def packings(context: Context) -> list[Row]:
     two_sizes = ("--dimension", "2", "--sizes", "{ list = [0.5, 0.7] }", "--jammed", "--reduced-pressure", "1e10")
     spheres, disks = (0.641, 0.004), (0.845, 0.003)
     cases = [
-        Case("1,000 spheres, rate 0.03", ("1000", "--jammed"), ten, jamming=spheres),
+        Case("1,000 spheres, rate 0.03", ("1000", "--jammed", "--rate", "0.03"), ten, jamming=spheres),
         Case("1,000 spheres, rate 0.01", ("1000", "--jammed", "--rate", "0.01"), ten, jamming=spheres),
-        Case("10,000 spheres, rate 0.03", ("10000", "--jammed"), ten, jamming=spheres),
+        Case("10,000 spheres, rate 0.03", ("10000", "--jammed", "--rate", "0.03"), ten, jamming=spheres),
         Case(
             "1,000 spheres, rate 0.001 from φ = 0.62, p = 10¹⁰",
             ("1000", "--packing-fraction", "0.62", "--rate", "0.015"),
