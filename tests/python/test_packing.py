@@ -127,7 +127,7 @@ def test_gaps_reach_some_widths_of_the_box_and_not_for_ever():
     shifts = np.array(list(itertools.product(range(-8, 9), repeat=3)))
     expected = np.count_nonzero(np.linalg.norm(shifts, axis=1) < 7.5) // 2
     assert len(analysis.close_gaps(one, 0.5, periodic(1.0, 1.0, 1.0), 6.5).pairs) == expected
-    with pytest.raises(NotApplicableError, match="the box is too small for pairs up to 2.002e\\+06: it is 3 wide"):
+    with pytest.raises(NotApplicableError, match=r"the box is too small for pairs up to 2.002e\+06: it is 3 wide"):
         analysis.close_gaps(one, 1e6, periodic(4.0, 3.0, 5.0), 1e-3)
 
 
