@@ -136,7 +136,7 @@ impl Growth<'_> {
         let options = Options::default();
         let kept = states.kept_growth(output, &key);
         // A file that does not fit is none.
-        let kept = kept.and_then(|kept| Simulation::restore(system.clone(), options.clone(), &kept).ok());
+        let kept = kept.and_then(|kept| Simulation::restore(system.clone(), options, &kept).ok());
         let mut simulation = if let Some(simulation) = kept {
             simulation
         } else {
