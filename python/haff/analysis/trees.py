@@ -34,7 +34,7 @@ def near_pairs(box: Box, position: Array, reach: float) -> Iterator[tuple[NDArra
         blocks = _all_pairs(len(position))
     elif box.displacement is not None:
         every = np.arange(len(position))
-        blocks = iter([within(box, position, every, every, reach)[0]])
+        blocks = iter([within(box, folded(box, position), every, every, reach)[0]])
     else:
         from scipy.spatial import cKDTree
 
