@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use haff_scene::Scene;
+use haff_scene::{GrowthRun, Scene};
 
 use crate::{
     arguments::{Container, Pack},
@@ -17,9 +17,6 @@ use crate::{
     },
 };
 
-/// Packing fraction at which growth begins, at most, in two and three dimensions: that of a fluid, which
-/// forgets how it was placed.
-const FLUID: [f64; 2] = [0.65, 0.5];
 /// Rates by which sizes grow to these packing fractions, beyond them, and until they jam
 /// (benches/record/packings.md).
 const FAST: f64 = 0.1;
@@ -70,13 +67,13 @@ fn text(options: &Pack) -> Result<String, Failure> {
     let (title, start, usual, end) = match options.packing_fraction {
         Some(fraction) => (
             format!("{} {kind} grown to a packing fraction of {fraction}", options.count),
-            FLUID[d].min(0.8 * fraction),
+            GrowthRun::FLUID[d].min(0.8 * fraction),
             if fraction <= FAST_UP_TO[d] { FAST } else { SLOW },
             format!("until_packing_fraction = {fraction:?}"),
         ),
         None => (
             format!("{} jammed {kind}", options.count),
-            FLUID[d],
+            GrowthRun::FLUID[d],
             JAMMING,
             format!("until_reduced_pressure = {:?}", options.reduced_pressure),
         ),

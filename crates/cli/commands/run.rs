@@ -50,7 +50,10 @@ pub fn run(options: &Run, logs: bool) -> Result<u8, Failure> {
                 Starting::new(Progress::on_terminal(options.quiet || logs), options.output.clone());
             let loaded = haff_scene::load(file, &options.set, &starting);
             starting.finish();
-            let mut scene = loaded.map_err(|errors| scene_failure(&errors))?;
+            let mut scene = loaded.map_err(|errors| {
+                starting.remove_kept();
+                scene_failure(&errors)
+            })?;
             if let Some(output) = &options.output {
                 scene.output.file = Some(output.clone());
             }

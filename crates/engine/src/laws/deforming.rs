@@ -31,15 +31,16 @@ pub(crate) fn make_peculiar(
 /// between their centers and `impulse` that on the second one. Their anchors are still those before.
 #[inline(never)]
 pub(crate) fn end_flights(state: &mut State, bodies: [u32; 2], r: DVec3, impulse: DVec3, ticks: i64) {
-    let Some(images) = state.world.boundary.deformation else { return };
+    let Some(images) = &state.world.boundary.deformation else { return };
+    let (time, now) = (state.world.clock.time(ticks), state.world.clock.shown(ticks));
+    let (term, work) = (images.term(), images.work_of_impact(r, impulse, time));
+    let isotropic = images.isotropic;
     for i in bodies {
         note_path(&mut state.world, i, ticks);
     }
-    let (time, now) = (state.world.clock.time(ticks), state.world.clock.shown(ticks));
-    let (term, work) = (images.term(), images.work_of_impact(r, impulse, time));
-    match &images.isotropic {
+    match isotropic {
         Some(isotropic) if state.world.flights != Summed::Tensor => {
-            let in_flights = flights::end_isotropic(state, isotropic, bodies, ticks);
+            let in_flights = flights::end_isotropic(state, &isotropic, bodies, ticks);
             state.accumulators.add_work(term, now, work, in_flights);
         }
         _ => {

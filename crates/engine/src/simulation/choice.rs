@@ -129,8 +129,8 @@ impl Choice {
         changed
     }
 
-    /// Makes the choice for a search that has to be made again, for the present edges of a box: as if it were
-    /// the first one, but that it does not change at once near a limit.
+    /// [`Self::reconsider`] for an engine that is made again in any case, for the present edges of a box: it
+    /// is made for the present density.
     pub fn renew(&mut self, system: &System, world: &World) {
         if !self.reconsider(system, world) {
             self.density = LocalDensity::of(system, &self.summary, world);

@@ -65,6 +65,9 @@ pub enum Grown {
 }
 
 impl GrowthRun {
+    /// Packing fraction at which growth begins, at most, in two and three dimensions: that of a fluid, which
+    /// forgets how it was placed.
+    pub const FLUID: [f64; 2] = [0.65, 0.5];
     /// Collisions of a particle in a step: in the meantime the pressure grows by less than a half.
     const COLLISIONS: u64 = 10;
     /// Steps before the pressure counts: particles that have been pushed apart nearly touch at the start.

@@ -8,13 +8,16 @@ Fast growth jams at a lower packing fraction than slow growth: what jams too ear
 rate.
 */
 
-use std::path::Path;
+use std::{
+    hash::{DefaultHasher, Hash, Hasher},
+    path::Path,
+};
 
 use glam::DVec3;
 use haff_engine::{
-    Body, Boundary, Class, Compression, ConstantVelocity, Contacts, Dimension, Domain, Drive, DriveKind,
-    EngineError, Group, Measure, Options, Silent, Simulation, Stop, System, TRAJECTORY_VERSION, Until, Wall,
-    WallLaw, WallMotion, significant,
+    Body, Boundary, Checkpoint, Class, Compression, ConstantVelocity, Contacts, Dimension, Domain, Drive,
+    DriveKind, EngineError, Group, Measure, Options, Silent, Simulation, Stop, System, TRAJECTORY_VERSION,
+    Until, Wall, WallLaw, WallMotion, significant,
 };
 use haff_mechanics::Restitution;
 
@@ -24,11 +27,9 @@ use crate::model::scene::{GrowthEnd, GrowthRun};
 use crate::placement::random::Stream;
 use crate::placement::velocity::{Bath, equilibrate, maxwell};
 
-/// Packing fraction of the larger box, in two and three dimensions: that of a fluid, which forgets how it
-/// has been placed.
-const FLUID: [f64; 2] = [0.65, 0.5];
 /// Growth of the largest diameter in a unit of time by the thermal speed, one after the other.
 const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
+
 /// Growth that has ended too early: the largest packing fraction that was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Jammed {
@@ -77,7 +78,7 @@ pub(crate) fn dense(
     company: Company<'_>,
 ) -> Result<Vec<DVec3>, Jammed> {
     let wanted = packing_fraction(dimension, domain.size, radius);
-    let start = wanted.min(FLUID[dimension.count() - 2]);
+    let start = wanted.min(GrowthRun::FLUID[dimension.count() - 2]);
     let scale = libm::pow(wanted / start, 1.0 / dimension.count() as f64);
     let mut larger = Domain { shear: None, compression: None, gravity: DVec3::ZERO, ..*domain };
     for axis in 0..dimension.count() {
@@ -91,11 +92,14 @@ pub(crate) fn dense(
     let growth = Growth { larger: &larger, dimension, radius, position: &position, scale, seed, company };
     // An interrupted growth goes on at its rate: the faster ones have jammed.
     let Company { states, output } = company;
-    let kept = |rate: &f64| states.kept_growth(output, &growth.key(*rate)).is_some();
-    let first = RATES.iter().position(kept).unwrap_or(0);
+    let found = RATES
+        .iter()
+        .enumerate()
+        .find_map(|(k, &rate)| Some((k, states.kept_growth(output, &growth.key(rate))?)));
+    let (first, mut kept) = found.map_or((0, None), |(k, checkpoint)| (k, Some(checkpoint)));
     let mut most: f64 = start;
     for &rate in &RATES[first..] {
-        match growth.grow(rate) {
+        match growth.grow(rate, kept.take()) {
             Ok(position) => return Ok(into(domain, dimension, position)),
             Err(Jammed { packing_fraction }) => most = most.max(packing_fraction),
         }
@@ -106,24 +110,20 @@ pub(crate) fn dense(
 impl Growth<'_> {
     /// A name of all that a growth at a rate depends on.
     fn key(&self, rate: f64) -> String {
-        // FNV-1a.
-        let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
-        let mut add = |number: f64| {
-            for byte in number.to_bits().to_le_bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
-            }
-        };
-        let of_particles = self.radius.iter().zip(self.position);
-        of_particles.for_each(|(&radius, r)| [radius, r.x, r.y, r.z].into_iter().for_each(&mut add));
-        self.larger.size.to_array().into_iter().for_each(add);
-        let Self { scale, seed, .. } = self;
+        // Another compiler may give other keys: then the growth begins again.
+        let mut hasher = DefaultHasher::new();
+        for number in self.radius.iter().copied().chain(self.position.iter().flat_map(DVec3::to_array)) {
+            number.to_bits().hash(&mut hasher);
+        }
+        self.larger.size.to_array().map(f64::to_bits).hash(&mut hasher);
+        let (hash, Self { scale, seed, .. }) = (hasher.finish(), self);
         format!(
             "growth of the packing {hash:016x} by {scale}, seed {seed}, rate {rate}, trajectory {TRAJECTORY_VERSION}"
         )
     }
 
-    /// Compresses the larger box. Returns positions by edge.
-    fn grow(&self, rate: f64) -> Result<Vec<DVec3>, Jammed> {
+    /// Compresses the larger box, from a checkpoint of that if there is one. Returns positions by edge.
+    fn grow(&self, rate: f64, kept: Option<Checkpoint>) -> Result<Vec<DVec3>, Jammed> {
         let &Self { dimension, radius, scale, company: Company { states, output }, .. } = self;
         let largest = radius.iter().copied().fold(0.0, f64::max);
         let gamma = rate / (2.0 * largest);
@@ -134,7 +134,6 @@ impl Growth<'_> {
         let growth = GrowthRun::new(radius.len(), Some(GrowthEnd::PackingFraction(fraction(end))));
         let key = self.key(rate);
         let options = Options::default();
-        let kept = states.kept_growth(output, &key);
         // A file that does not fit is none.
         let kept = kept.and_then(|kept| Simulation::restore(system.clone(), options, &kept).ok());
         let mut simulation = if let Some(simulation) = kept {
