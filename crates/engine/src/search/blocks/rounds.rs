@@ -114,8 +114,10 @@ pub(crate) trait Block: Send {
 /// Takes the events of a round.
 pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, round: &RoundView) {
     match (kernel, events) {
+        #[cfg(not(target_arch = "x86_64"))]
         (Kernel::Portable, false) => block.take::<false, false>(round),
-        (Kernel::Portable, true) => block.take::<true, false>(round),
+        // On x86-64 the event loop of this kernel always asks for rows.
+        (Kernel::Portable, _) => block.take::<true, false>(round),
         #[cfg(target_arch = "x86_64")]
         // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
         (Kernel::Avx2, false) => unsafe { take_avx2::<B, false>(block, round) },

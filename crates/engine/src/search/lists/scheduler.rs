@@ -322,7 +322,10 @@ impl<F: Features, E: ListedEvent> Scheduler for ListSearch<F, E> {
         observer: &mut dyn Observer,
         events: bool,
     ) {
-        blocks::take_steps(self, state, limit, observer, events);
+        // Blocks refuse boxes that deform (`blocks::can_share`): they are not compiled for them.
+        if !F::DEFORMS {
+            blocks::take_steps(self, state, limit, observer, events);
+        }
     }
 
     fn use_more_threads(&mut self, state: &State) {
