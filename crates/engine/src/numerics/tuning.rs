@@ -25,6 +25,8 @@ pub(crate) mod particles {
     pub(crate) const ALL_PAIRS: usize = 12;
     /// Windows are chosen from this number on (throughput.md).
     pub(crate) const WINDOWS: usize = 100;
+    /// The same in a box that deforms, whose cells are slower (choice.md).
+    pub(crate) const WINDOWS_IN_DEFORMING: usize = 20;
 
     /// From this number on, the calendar with cells prefetches the data of coming events, which no
     /// longer fit in the second-level cache (throughput.md).
@@ -80,10 +82,16 @@ pub(crate) mod lists_above {
     /// Lists instead of cells, if sizes differ: the width of cells follows from the largest radius, the shell
     /// of lists from the mean one.
     pub(crate) const CELLS_MIXED: PerDimension = PerDimension { spheres: 0.26, disks: 0.5 };
+    /// The same in a box under shear, in which lists become old sooner, and in one whose edges change.
+    pub(crate) const CELLS_SHEARED: PerDimension = PerDimension { spheres: 0.3, disks: 0.6 };
+    pub(crate) const CELLS_STRETCHED: PerDimension = PerDimension { spheres: 0.0, disks: 0.0 };
     /// Lists instead of windows.
     pub(crate) const WINDOWS: PerDimension = PerDimension { spheres: 0.24, disks: 0.3 };
     /// The same from [`super::particles::PREFETCH_LISTS`] particles on.
     pub(crate) const WINDOWS_LARGE: PerDimension = PerDimension { spheres: 0.29, disks: 0.34 };
+    /// The same in a box under shear, and in one whose edges change.
+    pub(crate) const WINDOWS_SHEARED: PerDimension = PerDimension { spheres: 0.48, disks: 0.68 };
+    pub(crate) const WINDOWS_STRETCHED: PerDimension = PerDimension { spheres: 0.33, disks: 0.45 };
     /// The same if radii differ by more than twice.
     pub(crate) const WINDOWS_WIDE: PerDimension = PerDimension { spheres: 0.46, disks: 0.7 };
 }

@@ -191,12 +191,17 @@ impl Choice {
             Search::Windows.can_run(case).is_ok() && windows::is_profitable(system, &self.summary, density);
         let lists = lists::is_profitable(case);
         let mixed = self.summary.least != self.summary.largest;
-        let limits = match (windows, mixed) {
-            (true, _) if self.summary.largest > WIDE * self.summary.least => lists_above::WINDOWS_WIDE,
-            (true, _) if self.summary.count < particles::PREFETCH_LISTS => lists_above::WINDOWS,
-            (true, _) => lists_above::WINDOWS_LARGE,
-            (false, true) => lists_above::CELLS_MIXED,
-            (false, false) => lists_above::CELLS,
+        let is_wide = self.summary.largest > WIDE * self.summary.least;
+        let limits = match Deformation::of(system) {
+            Some(images) if !images.stretches() && windows => lists_above::WINDOWS_SHEARED,
+            Some(images) if !images.stretches() => lists_above::CELLS_SHEARED,
+            Some(_) if !windows => lists_above::CELLS_STRETCHED,
+            Some(_) if !is_wide => lists_above::WINDOWS_STRETCHED,
+            _ if windows && is_wide => lists_above::WINDOWS_WIDE,
+            _ if windows && self.summary.count < particles::PREFETCH_LISTS => lists_above::WINDOWS,
+            _ if windows => lists_above::WINDOWS_LARGE,
+            _ if mixed => lists_above::CELLS_MIXED,
+            _ => lists_above::CELLS,
         };
         let hysteresis = match self.search {
             None => 1.0,

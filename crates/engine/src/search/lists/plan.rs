@@ -73,9 +73,12 @@ pub(super) struct Plan {
     pub members: f64,
 }
 
-/// Whether lists have room for their skins: in a small box they are thin, and left often.
+/// Whether lists have room for their skins: in a small box they are thin, and left often. Where edges change,
+/// thin skins are still faster than cells (choice.md).
 pub(crate) fn is_profitable(case: &Case) -> bool {
-    Plan::new(case.system, case.summary, case.density).is_ok_and(|plan| plan.fastest <= ROOM * plan.half_skin)
+    let changes = MovingFrame::of(case.system).is_some_and(|frame| frame.axes.stretches());
+    Plan::new(case.system, case.summary, case.density)
+        .is_ok_and(|plan| changes || plan.fastest <= ROOM * plan.half_skin)
 }
 
 impl Plan {

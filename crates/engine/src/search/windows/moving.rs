@@ -23,7 +23,11 @@ along ξ: searches extend farther along this axis. Under compression they are up
 use glam::DVec3;
 use haff_neighbors::Geometry;
 
-use crate::{model::System, search::moving::MovingAxes, state::world::World};
+use crate::{
+    model::System,
+    search::{compact::NEAREST, moving::MovingAxes},
+    state::world::World,
+};
 
 use super::axes::{Axes, Tilt};
 
@@ -31,10 +35,6 @@ use super::axes::{Axes, Tilt};
 pub(super) const LARGEST_CHANGE: f64 = 0.25;
 /// Largest change g of an edge in a window.
 const LARGEST_STRETCH: f64 = 0.05;
-/// Windows are used up to this ratio of the edges along the flow and along the gradient: half of it is the
-/// largest tilt.
-pub(super) const LARGEST_RATIO: f64 = 4.0;
-
 /// The frame of the windows of a box that deforms.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MovingFrame {
@@ -90,6 +90,20 @@ impl MovingFrame {
     /// Largest tilt of any window.
     pub fn largest_tilt(&self) -> f64 {
         if self.axes.stretches() { 0.0 } else { 0.5 * self.axes.ratio + LARGEST_CHANGE }
+    }
+
+    /// The largest tilt at the end of any window.
+    pub fn largest_tilt_at_end(&self) -> f64 {
+        self.largest_tilt() + LARGEST_CHANGE
+    }
+
+    /// Longest displacement of a particle in a window along a periodic axis, with which nearest images at
+    /// this largest contact distance are found \[length\]. Differences along the flow count with the tilt and
+    /// its change.
+    pub fn longest_displacement(&self, axis: usize, edge: f64, contact: f64) -> f64 {
+        let tilt = if axis == 0 { self.largest_tilt_at_end() } else { 0.0 };
+        let shortest = self.axes.shortest();
+        0.5 * (NEAREST * shortest * edge - contact * (1.0 + tilt) / shortest) / (1.0 + 2.0 * tilt)
     }
 
     /// Longest window \[time\].

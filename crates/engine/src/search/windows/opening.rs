@@ -18,7 +18,6 @@ use super::{
     axes::{self, MAX_WINDOWS},
     cells::Cells,
     filter::{MAX_DISPLACEMENT, SHORT_DISPLACEMENT, Scratch, margin},
-    moving::LARGEST_CHANGE,
     scheduler::{SEARCHES, SEARCHES_PER_PARTICLE, Windows},
     space::{Fall, Space, TASK},
     tune::Work,
@@ -89,20 +88,19 @@ impl<F: Features> Windows<F> {
                 axes::rounding(self.geometry.size[axis], periodic, self.smallest_radius)
             })
             .fold(0.0, f64::max);
-        // Differences along the flow count with the tilt and its change, see `moving`.
-        let tilt = moving.map_or(0.0, |frame| frame.largest_tilt() + LARGEST_CHANGE);
+        let tilt = moving.map_or(0.0, |frame| frame.largest_tilt_at_end());
         let rounding = rounding * (1.0 + tilt);
         let largest_contact = self.largest_contact * f64::from(margin(MAX_DISPLACEMENT, rounding));
         let limit = (0..3)
             .map(|axis| match self.geometry.axes[axis] {
-                Axis::Periodic if F::DEFORMS => {
-                    let tilt = if axis == 0 { tilt } else { 0.0 };
-                    let shortest = moving.map_or(1.0, |frame| frame.axes.shortest());
-                    let contact = largest_contact * (1.0 + tilt) / shortest;
-                    0.5 * (NEAREST * shortest * self.geometry.size[axis] - contact) / (1.0 + 2.0 * tilt)
+                Axis::Periodic => {
+                    let edge = self.geometry.size[axis];
+                    // The relative displacement of two particles is up to twice that of one.
+                    let straight = || 0.5 * (NEAREST * edge - largest_contact);
+                    moving.filter(|_| F::DEFORMS).map_or_else(straight, |frame| {
+                        frame.longest_displacement(axis, edge, largest_contact)
+                    })
                 }
-                // The relative displacement of two particles is up to twice that of one.
-                Axis::Periodic => 0.5 * (NEAREST * self.geometry.size[axis] - largest_contact),
                 // Without periodic images the range of coordinates is the limit.
                 Axis::Bounded | Axis::Open => NEAREST * self.geometry.size[axis],
                 Axis::Flat => f64::INFINITY,

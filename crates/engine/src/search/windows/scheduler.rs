@@ -22,8 +22,8 @@ use crate::{
 };
 
 use super::{
-    filter::MAX_DISPLACEMENT,
-    moving::{self, MovingFrame},
+    filter::{MAX_DISPLACEMENT, margin},
+    moving::MovingFrame,
     steps::Steps,
     tune::{Tuner, Work},
     window_event::{Contact, WindowEvent},
@@ -43,6 +43,16 @@ pub(super) const MAX_SPEED_RATIO: f64 = 30.0;
 /// Windows are profitable if the nearest image and the filter allow displacements of at least this many mean
 /// distances between neighboring particles. With a smaller limit, windows would be short.
 pub(super) const MIN_DISPLACEMENT: f64 = 0.5;
+
+/// The same in a box that deforms, whose cells are slower (choice.md).
+const MIN_DISPLACEMENT_IN_DEFORMING: f64 = 0.07;
+
+/// Windows run a box that deforms if particles can move in them by at least this [largest contact distances].
+const LEAST_DISPLACEMENT: f64 = 0.05;
+
+/// Windows are profitable up to this ratio of the edges along the flow and along the gradient of a shear:
+/// half of it is the largest tilt.
+const LARGEST_RATIO: f64 = 12.0;
 
 /// A window ends early after this many searches per particle, plus [`SEARCHES`]. Each event registers a
 /// particle again along its new path, so that a few particles that collide very often would fill their cells
@@ -98,7 +108,7 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
     if system.domain.gravity != DVec3::ZERO && !summary.movable {
         return Err(Reason::new("there are gravity and bodies of infinite mass, which do not fall"));
     }
-    can_run_shear(system, summary)?;
+    can_run_deformation(system, summary)?;
     for axis in 0..axes {
         let edge = system.domain.size[axis];
         match system.domain.boundary[axis] {
@@ -125,26 +135,28 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
     Ok(())
 }
 
-/// Whether windows can run a sheared system: the edge along the flow must be neither too short nor too long
-/// for images that are displaced along it.
-fn can_run_shear(system: &System, summary: &SystemSummary) -> Result<(), Reason> {
-    let Some(shear) = system.domain.shear else { return Ok(()) };
-    let size = system.domain.size;
-    let ratio = size[shear.flow] / size[shear.gradient];
-    if ratio > moving::LARGEST_RATIO {
-        return Err(Reason::new(format!(
-            "the edge along the flow is {ratio} times that along the gradient, more than {}",
-            moving::LARGEST_RATIO
-        )));
+/// Whether windows can run a box that deforms: edges must be long enough for images that move. Otherwise
+/// particles could hardly move in a window.
+fn can_run_deformation(system: &System, summary: &SystemSummary) -> Result<(), Reason> {
+    let Some(frame) = MovingFrame::of(system) else { return Ok(()) };
+    let edges = frame.axes.ordered(system.domain.size);
+    let boundary = frame.axes.order.map(|axis| system.domain.boundary[axis]);
+    let axes = || (0..system.dimension.count()).map(|axis| (axis, edges[axis], boundary[axis]));
+    let rounding = axes()
+        .map(|(_, edge, kind)| axes::rounding(edge, kind == Boundary::Periodic, summary.least))
+        .fold(0.0, f64::max);
+    let rounding = rounding * (1.0 + frame.largest_tilt_at_end());
+    let contact = summary.contact * f64::from(margin(MAX_DISPLACEMENT, rounding));
+    let is_short = |&(axis, edge, kind): &(usize, f64, Boundary)| {
+        kind == Boundary::Periodic
+            && frame.longest_displacement(axis, edge, contact) < LEAST_DISPLACEMENT * summary.contact
+    };
+    match axes().find(is_short) {
+        Some((_, edge, _)) => {
+            Err(Reason::new(format!("an edge of {edge} is too short for images that are displaced")))
+        }
+        None => Ok(()),
     }
-    let widened = 1.0 + 0.5 * ratio + 2.0 * moving::LARGEST_CHANGE;
-    if NEAREST * size[shear.flow] < 1.25 * widened * summary.contact {
-        return Err(Reason::new(format!(
-            "the edge along the flow, {}, is too short for images that are displaced",
-            size[shear.flow]
-        )));
-    }
-    Ok(())
 }
 
 /// Whether blocks share the events of windows.
@@ -158,24 +170,30 @@ pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
 /// Whether windows are likely to be the fastest scheduler for a state that they support and that is not
 /// dense.
 pub(crate) fn is_profitable(system: &System, summary: &SystemSummary, density: &LocalDensity) -> bool {
-    let displacement = MIN_DISPLACEMENT * summary.spacing(density.packing);
-    let allows_displacement = |axis: usize| {
-        system.domain.boundary[axis] != Boundary::Periodic
-            || 0.5 * (NEAREST * system.domain.size[axis] - summary.contact) >= displacement
+    let spacing = summary.spacing(density.packing);
+    let displacement = MIN_DISPLACEMENT * spacing;
+    let is_periodic = |axis: usize| system.domain.boundary[axis] == Boundary::Periodic;
+    let axes = 0..system.dimension.count();
+    let (least, allows_displacement) = if let Some(frame) = MovingFrame::of(system) {
+        let edges = frame.axes.ordered(system.domain.size);
+        let allows = |axis: usize| {
+            !is_periodic(frame.axes.order[axis])
+                || frame.longest_displacement(axis, edges[axis], summary.contact)
+                    >= MIN_DISPLACEMENT_IN_DEFORMING * spacing
+        };
+        let is_long = system.domain.shear.is_some() && edges[0] > LARGEST_RATIO * edges[1];
+        (particles::WINDOWS_IN_DEFORMING, axes.clone().all(allows) && !is_long)
+    } else {
+        let allows = |axis: usize| {
+            !is_periodic(axis) || 0.5 * (NEAREST * system.domain.size[axis] - summary.contact) >= displacement
+        };
+        (particles::WINDOWS, axes.clone().all(allows))
     };
-    // In a sheared box both the distance and the displacement along the flow count with the tilt.
-    let widened = system.domain.shear.map_or(0.0, |shear| {
-        1.0 + system.domain.size[shear.flow] / system.domain.size[shear.gradient] + moving::LARGEST_CHANGE
-    });
-    let allows_shear = system.domain.shear.is_none_or(|shear| {
-        0.5 * NEAREST * system.domain.size[shear.flow] >= widened * (displacement + 0.5 * summary.contact)
-    });
-    summary.count >= particles::WINDOWS
+    summary.count >= least
         && system.walls.len() <= MAX_WALLS
         && density.speeds_are_within(MAX_SPEED_RATIO)
         && MAX_DISPLACEMENT * 2.0 * summary.least >= displacement
-        && (0..system.dimension.count()).all(allows_displacement)
-        && allows_shear
+        && allows_displacement
 }
 
 impl<F: Features> Windows<F> {
@@ -358,7 +376,10 @@ impl<F: Features> Scheduler for Windows<F> {
         observer: &mut dyn Observer,
         events: bool,
     ) {
-        blocks::take_steps(self, state, limit, observer, events);
+        // Blocks refuse boxes that deform (`blocks::can_share`): they are not compiled for them.
+        if !F::DEFORMS {
+            blocks::take_steps(self, state, limit, observer, events);
+        }
     }
 
     fn serial_reason(&self, state: &State) -> Option<&'static str> {
