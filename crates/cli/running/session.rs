@@ -4,10 +4,10 @@
 use std::time::{Duration, Instant};
 
 use console::Term;
-use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until};
+use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until, significant};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
-use haff_scene::{Grown, OutputPlan, RunPlan, UntilOf};
+use haff_scene::{Grown, GrowthEnd, OutputPlan, RunPlan, UntilOf};
 
 use crate::{
     running::{compressing, controls::Controls, schedule::Times},
@@ -287,7 +287,8 @@ impl Session<'_> {
                     break Ending::Collisions;
                 }
                 Ok(Stop::Collisions) => {
-                    self.record(false, true, &mut |sample| show(&mut watch, &progress, sample))?;
+                    let row = self.has_rows_of_growth();
+                    self.record(false, row, &mut |sample| show(&mut watch, &progress, sample))?;
                     if let Some(ending) = self.grown() {
                         break ending;
                     }
@@ -328,17 +329,30 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// How a growth ends after the present step, if it does.
+    /// Whether each step of a growth ends with a row of observables.
+    fn has_rows_of_growth(&self) -> bool {
+        self.run.growth.is_some_and(|growth| growth.has_rows())
+    }
+
+    /// How a growth or a compression ends after the present step, if it does.
     fn grown(&mut self) -> Option<Ending> {
         let growth = self.run.growth?;
         let last = compressing::take(&mut self.simulation)?;
-        Some(match growth.grown(&last, self.simulation.counters().collisions)? {
-            Grown::ReducedPressure => Ending::ReducedPressure,
-            Grown::Jammed { wanted } => Ending::Jammed(format!(
-                "{}, below growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later",
-                compressing::jammed(&last)
-            )),
-        })
+        let Grown::Jammed = growth.grown(&last, self.simulation.counters().collisions)? else {
+            return Some(Ending::ReducedPressure);
+        };
+        let below = match growth.end? {
+            GrowthEnd::PackingFraction(wanted) => {
+                format!("growth.until_packing_fraction = {wanted}: slower growth (growth.rate) jams later")
+            }
+            GrowthEnd::Compressed { until, packing_fraction } => format!(
+                "the {} of the end at t = {}: slower compression jams later",
+                significant(packing_fraction, 6),
+                significant(until, 6)
+            ),
+            GrowthEnd::ReducedPressure(_) => return None,
+        };
+        Some(Ending::Jammed(format!("{}, below {below}", compressing::jammed(&last))))
     }
 
     /// What a box that becomes smaller is like now.
@@ -375,7 +389,7 @@ impl Session<'_> {
         if sample {
             self.recorded.sample = time;
         }
-        if sample && (self.recorder.is_some() || self.controls.watch || self.run.growth.is_some()) {
+        if sample && (self.recorder.is_some() || self.controls.watch || self.has_rows_of_growth()) {
             let row = self.simulation.sample();
             show(&row);
             if let Some(recorder) = self.recorder {

@@ -86,7 +86,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let open = (0..d as usize).any(|axis| system.domain.boundary[axis] == Boundary::Open);
     let volume = if open { f64::NAN } else { system.domain.volume(system.dimension, time) };
     let thermal = accumulators.twice_kinetic(totals.kinetic, time) - center.trace();
-    if system.domain.compression.is_some() && !first {
+    if system.domain.compression.is_some() {
         accumulators.compressed[0] += accumulators.virial();
         accumulators.compressed[1] += thermal;
     }

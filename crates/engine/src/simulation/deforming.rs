@@ -29,15 +29,15 @@ impl Simulation {
         images.path_left(speeds, time) < PATH * images.edges(time).min_element()
     }
 
-    /// What a box that is compressed is like at the last sample, over the samples since the previous call;
-    /// `None` if it is not.
+    /// What a box that is compressed is like, over the time since the previous call; `None` if it is not. Of
+    /// flights that go on, what is after the last sample counts the next time.
     pub fn take_compressed(&mut self) -> Option<Compressed> {
         self.system.domain.compression?;
-        let [virial, thermal] = std::mem::take(&mut self.state.accumulators.compressed);
+        let taken = self.state.accumulators.take_compressed();
         Some(Compressed {
             dimension: self.system.dimension,
             packing_fraction: packing_fraction(&self.system, &self.state.world, self.time()),
-            reduced_pressure: 1.0 + virial / thermal,
+            reduced_pressure: taken.map_or(f64::NAN, |[virial, thermal]| 1.0 + virial / thermal),
         })
     }
 

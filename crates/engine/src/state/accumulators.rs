@@ -37,7 +37,8 @@ pub(crate) struct Accumulators {
     pub sampled_flights: u64,
     /// The center of mass since then.
     pub center: Center,
-    /// In a box that is compressed, Σ J |r₁₂| and ∫ Σ m c² dt of samples since they were taken.
+    /// In a box that is compressed, Σ J |r₁₂| and ∫ Σ m c² dt of the samples since they were taken, less the
+    /// parts of the present interval between samples that were taken.
     pub compressed: [f64; 2],
     /// Flights that have ended, where particles accelerate.
     pub flights: Option<Box<FlightSums>>,
@@ -115,6 +116,18 @@ impl Accumulators {
         self.counters.dropped += counters.dropped;
         self.counters.stale += counters.stale;
         self.counters.transfers += counters.transfers;
+    }
+
+    /// Σ J |r₁₂| and ∫ Σ m c² dt since the previous call, in a box that is compressed; of flights that go on,
+    /// only up to the last sample. `None` if there has been no flight, in a collapse.
+    pub fn take_compressed(&mut self) -> Option<[f64; 2]> {
+        let ended = self.flights.as_ref().map_or(0.0, |flights| flights.ended());
+        let present = [self.virial(), ended];
+        let [virial, thermal] = [0, 1].map(|k| self.compressed[k] + present[k]);
+        (thermal > 0.0).then(|| {
+            self.compressed = present.map(|sum| 0.0 - sum);
+            [virial, thermal]
+        })
     }
 
     /// Starts the next interval between samples.

@@ -79,6 +79,13 @@ pub(crate) struct FlightSums {
 }
 
 impl FlightSums {
+    /// The trace, over the flights that have ended since the previous sample, and those that go on up to the
+    /// last time at which all were taken.
+    pub fn ended(&self) -> f64 {
+        let [xx, _, _, yy, _, zz, ..] = &self.sums;
+        self.sampled.value() + (xx.value() + yy.value() + zz.value())
+    }
+
     /// Adds its numbers to a checkpoint.
     pub fn save(&self, scalars: &mut ScalarWriter) {
         for (k, sum) in self.sums.iter().enumerate() {

@@ -7,10 +7,11 @@ use super::{
     Assembler,
     domain::{DENSEST_2D, DENSEST_3D, DomainPlan, TOLERANCE},
     particles::{MassLaw, ParticlePlan, Rows, SpeciesPlan},
+    plan,
     values::{at, item},
 };
 use crate::config::document::Path;
-use crate::model::scene::{BoxLimit, BoxTooSmall, RunPlan, UntilOf};
+use crate::model::scene::{BoxLimit, BoxTooSmall, GrowthEnd, GrowthRun, RunPlan, UntilOf};
 
 /// Halvings of an interval of time in which the box becomes too full.
 const HALVINGS: usize = 200;
@@ -301,6 +302,15 @@ impl Assembler<'_> {
                 run.until = Some(limit.time);
                 run.until_of = UntilOf::Box;
             }
+        }
+        // Towards jamming collisions become ever more frequent: without a test such a run would not end.
+        if let Some(until) = run.until
+            && run.collisions.is_none()
+            && run.growth.is_none()
+        {
+            let [start, end] = [0.0, until].map(|time| plan::packing_fraction_at(system, time));
+            let end = (end > start).then_some(GrowthEnd::Compressed { until, packing_fraction: end });
+            run.growth = end.map(|end| GrowthRun::new(system.bodies.len(), Some(end)));
         }
     }
 }

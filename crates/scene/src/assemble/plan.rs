@@ -270,15 +270,20 @@ fn time_scale(system: &System, rate: f64) -> f64 {
     if (1e-40..=1e40).contains(&time) { time } else { 1.0 }
 }
 
-/// Volume of all particles over that of the box; NaN with open axes.
+/// Volume of all particles over that of the box at the start; NaN with open axes.
 pub(super) fn packing_fraction(system: &System) -> f64 {
+    packing_fraction_at(system, 0.0)
+}
+
+/// [`packing_fraction`] at a time.
+pub(super) fn packing_fraction_at(system: &System, time: f64) -> f64 {
     let d = system.dimension.count();
     if system.domain.boundary[..d].contains(&Boundary::Open) {
         return f64::NAN;
     }
     let radius = |class: u32| system.classes[class as usize].radius;
     let filled: f64 = system.bodies.iter().map(|body| system.dimension.volume(radius(body.class))).sum();
-    filled / (0..d).map(|axis| system.domain.size[axis]).product::<f64>()
+    filled / system.domain.volume(system.dimension, time)
 }
 
 /// Share of the particles that a scene may place one by one in a homogeneous gas.

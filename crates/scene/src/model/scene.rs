@@ -34,7 +34,7 @@ pub enum UntilOf {
     Box,
 }
 
-/// The growth of a run.
+/// The growth of the particles of a run, or the compression of its box, until they jam.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowthRun {
     /// Sphere–sphere collisions between two tests of the pressure.
@@ -50,6 +50,13 @@ pub enum GrowthEnd {
     PackingFraction(f64),
     /// The reduced pressure P V/(N T) over a step: at least this.
     ReducedPressure(f64),
+    /// A time of a box that is compressed, unless the particles jam before.
+    Compressed {
+        /// That time [time].
+        until: f64,
+        /// The packing fraction that the box has then.
+        packing_fraction: f64,
+    },
 }
 
 /// Why a growth ends after a step.
@@ -58,10 +65,7 @@ pub enum Grown {
     /// It has its reduced pressure.
     ReducedPressure,
     /// It jams before it has its packing fraction.
-    Jammed {
-        /// That packing fraction.
-        wanted: f64,
-    },
+    Jammed,
 }
 
 impl GrowthRun {
@@ -78,6 +82,12 @@ impl GrowthRun {
     pub fn new(particles: usize, end: Option<GrowthEnd>) -> Self {
         // A collision is one of two particles.
         Self { step: (Self::COLLISIONS * particles as u64).div_ceil(2), end }
+    }
+
+    /// Whether each step ends with a row of observables.
+    #[must_use]
+    pub fn has_rows(&self) -> bool {
+        !matches!(self.end, Some(GrowthEnd::Compressed { .. }))
     }
 
     /// The number of collisions at the end of the step in which there have been so many. Steps begin at
@@ -97,8 +107,8 @@ impl GrowthRun {
             GrowthEnd::ReducedPressure(pressure) => {
                 (last.reduced_pressure >= pressure).then_some(Grown::ReducedPressure)
             }
-            GrowthEnd::PackingFraction(wanted) => {
-                last.jamming().filter(|jamming| *jamming < wanted).map(|_| Grown::Jammed { wanted })
+            GrowthEnd::PackingFraction(wanted) | GrowthEnd::Compressed { packing_fraction: wanted, .. } => {
+                last.jamming().filter(|jamming| *jamming < wanted).map(|_| Grown::Jammed)
             }
         }
     }
@@ -117,7 +127,7 @@ pub struct RunPlan {
     pub collisions: Option<u64>,
     /// Time on the clock.
     pub wall_time: Option<Duration>,
-    /// The growth, if particles grow.
+    /// The growth, if particles grow or can jam.
     pub growth: Option<GrowthRun>,
 }
 
