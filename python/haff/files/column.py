@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Protocol
 
 import h5py
 import numpy as np
@@ -11,17 +12,29 @@ from ..errors import FileError
 from ..text import brief
 from .layout import Array
 
-if TYPE_CHECKING:
-    from .stored import Stored
-
 LARGEST, SMALLEST = 1e100, 1e-100
 """Numbers of this size still have a cube: beyond, volumes and energies are no numbers any more."""
+
+
+_BLOCK = 4096  # rows
+
+
+class Store(Protocol):
+    """What holds the datasets of a file."""
+
+    path: Path
+
+    def read(self, place: str, key: int | slice) -> Array:
+        """Rows of the dataset at a path."""
+
+    def find(self, place: str) -> object:
+        """What is at a path."""
 
 
 class Column:
     """A dataset of numbers of an expected kind and shape, whose rows are stored."""
 
-    def __init__(self, stored: Stored, place: str, data: h5py.Dataset, rows: int) -> None:
+    def __init__(self, stored: Store, place: str, data: h5py.Dataset, rows: int) -> None:
         self.place = place
         """Where it stands in the file."""
         self.dtype: np.dtype = data.dtype
@@ -64,3 +77,14 @@ class Column:
     def same(self, other: Column) -> bool:
         """Whether both are the same dataset, possibly under two names."""
         return self is other or self._stored.find(self.place) == other._stored.find(other.place)
+
+
+def complete(time: Column, length: int) -> int:
+    """Number of complete rows: a flush cut short by a kill may leave rows without a time at the end."""
+    while length > 0:
+        start = max(0, length - _BLOCK)
+        known = np.flatnonzero(~np.isnan(time[start:length]))
+        if len(known):
+            return start + int(known[-1]) + 1
+        length = start
+    return 0

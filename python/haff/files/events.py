@@ -13,13 +13,13 @@ from ..common import arguments
 from ..common.readonly import ReadOnly
 from ..errors import ArgumentError, MissingDataError, UnknownNameError
 from ..text import brief, escaped, quoted
-from .layout import Array, complete, component
+from .column import Column, complete
+from .layout import Array, component
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from ..reader import File
-    from .column import Column
 
 __all__ = ["Events"]
 

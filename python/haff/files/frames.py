@@ -15,14 +15,14 @@ from ..common.readonly import ReadOnly
 from ..errors import ArgumentError, MissingDataError
 from ..text import quoted
 from . import conversions
-from .layout import AXES, Array, complete
+from .column import Column, complete
+from .layout import AXES, Array
 
 if TYPE_CHECKING:
     import freud
     import pandas as pd
 
     from ..reader import File
-    from .column import Column
 
 __all__ = ["Box", "Frame", "Frames", "Shear"]
 

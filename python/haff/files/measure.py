@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import MissingDataError
-from .layout import AXES, Array, complete
+from .column import complete
+from .layout import AXES, Array
 
 if TYPE_CHECKING:
     import xarray

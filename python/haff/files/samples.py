@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import MissingDataError
 from ..text import brief, quoted
-from .column import Column
-from .layout import AXES, Array, complete, component, computing
+from .column import Column, complete
+from .layout import AXES, Array, component, computing
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import difflib
 import math
-import os
-import threading
-import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,16 +16,11 @@ from ..common.compiled import compiled
 from ..common.notebook import table
 from ..common.words import warn
 from ..errors import ArgumentError
-from ..files import measure
-from ..files.frames import Box, Shear
-from ..files.layout import AXES
-from ..files.scene import parsed
 from ..scenes import Scene, explained, settings, source
 from ..text import quoted
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray
+from .forking import living
+from .measured import Measured
+from .model import Model
 
 __all__ = ["Simulation"]
 
@@ -67,7 +58,7 @@ class _Call:
         return self.function(simulation) is True
 
 
-class Simulation:
+class Simulation(Model, Measured):
     """A simulation in this process, advanced call by call.
 
     Parameters
@@ -120,7 +111,7 @@ class Simulation:
         self._balance_due: int | None = 0
         """At how many collisions the balance of energies is looked at next; ``None`` after a warning."""
         warn(self._core.warnings, stacklevel=3)
-        _living.add(self)
+        living.add(self)
 
     def __setattr__(self, name: str, value: Any) -> None:
         own = getattr(type(self), name, None)
@@ -454,156 +445,7 @@ class Simulation:
             self._frame = self._core.frame()
         return self._frame
 
-    def sample(self) -> dict[str, Any]:
-        """The observables now, named as the columns of :attr:`haff.File.observables`; vectors are arrays ``[3]``.
-
-        ``pressure``, ``collision_rate`` and ``mean_free_time`` are means since the previous call, NaN in the first.
-        """
-        return self._core.sample()
-
-    @property
-    def counters(self) -> dict[str, int]:
-        """Counts since the start: ``collisions``, ``wall_collisions``, ``predictions``, …"""
-        return self._core.counters()
-
-    @property
-    def max_overlap(self) -> float:
-        """Largest overlap of any two close particles, now and in earlier calls [contact distances]."""
-        return self._core.max_overlap()
-
-    @property
-    def state_hash(self) -> str:
-        """Hash of every particle's position, velocity and image; equal for equal trajectories."""
-        return self._core.state_hash
-
-    def take_events(self) -> pd.DataFrame:
-        """The events since the last call, one row each, with the columns of :attr:`haff.File.events`.
-
-        Needs ``events=True`` at the start.
-        """
-        import pandas as pd
-
-        if not self._records_events:
-            raise ArgumentError("no events are recorded: make the simulation with events=True")
-        columns: dict[str, Any] = {}
-        for name, values in self._core.take_events().items():
-            if name == "kind":
-                columns[name] = pd.Categorical.from_codes(values, categories=self._core.event_kinds)
-            elif values.ndim == 2:
-                columns |= {f"{name}_{axis}": values[:, c] for c, axis in enumerate(AXES)}
-            else:
-                columns[name] = values
-        return pd.DataFrame(columns)
-
-    def take_profiles(self) -> dict[str, xarray.Dataset]:
-        """The rows of ``measure.profiles`` since the last call, as :attr:`haff.File.profiles`."""
-        found = {}
-        for name, columns in self._core.take_profiles().items():
-            time, centers = columns.pop("time"), columns.pop("centers")
-            found[name] = measure.profile(time, centers, columns)
-        return found
-
-    @property
-    def correlations(self) -> dict[str, xarray.Dataset]:
-        """The correlations in time of ``[measure]`` so far, as :attr:`haff.File.correlations`."""
-        return {name: measure.correlation(name, columns) for name, columns in self._core.correlations().items()}
-
-    # --- the scene ---------------------------------------------------------------------------
-
-    def __len__(self) -> int:
-        """Number of particles N."""
-        return len(self.masses)
-
-    @property
-    def radii(self) -> NDArray[np.float64]:
-        """``[N]`` radii [length]."""
-        return self._core.radius
-
-    @property
-    def masses(self) -> NDArray[np.float64]:
-        """``[N]`` masses; infinite for fixed and driven bodies."""
-        return self._core.mass
-
-    @property
-    def inertias(self) -> NDArray[np.float64] | None:
-        """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin."""
-        return self._core.inertia
-
-    @property
-    def species(self) -> NDArray[np.int64]:
-        """``[N]`` indices into :attr:`species_names`."""
-        return self._core.species
-
-    @property
-    def species_names(self) -> list[str]:
-        """Names of the species, then of named particles."""
-        return self._core.species_names
-
-    @property
-    def wall_names(self) -> list[str]:
-        """Names of the walls, by the index that event rows use."""
-        return self._core.wall_names
-
-    @property
-    def box(self) -> Box:
-        """The simulation box, at the present time if it deforms."""
-        edges = self._core.moving_edges
-        size = self._core.box_size if edges is None else np.diag(edges)
-        return Box(size, self._core.boundary, self._core.dimension, self._displacement())
-
-    @cached_property
-    def shear(self) -> Shear | None:
-        """Simple shear of the box (``domain.shear`` of the scene); ``None`` if there is none."""
-        given = self._domain.get("shear")
-        if given is None:
-            return None
-        return Shear(AXES.index(given["flow"]), AXES.index(given["gradient"]), float(given["rate"]))
-
-    @cached_property
-    def _domain(self) -> dict[str, Any]:
-        return parsed(self.scene_text).get("domain", {})
-
-    def _displacement(self) -> tuple[int, int, float] | None:
-        """That of :class:`Box`."""
-        if self.shear is None:
-            return None
-        flow, gradient, _ = self.shear
-        return gradient, flow, self._core.moving_edges[gradient][flow]
-
-    @property
-    def gravity(self) -> NDArray[np.float64]:
-        """``[3]`` acceleration [length/time²]."""
-        return self._core.gravity
-
-    @property
-    def packing_fraction(self) -> float:
-        """Volume of all particles over that of the box; NaN with open axes."""
-        return self._core.packing_fraction
-
-    @property
-    def title(self) -> str:
-        """Title of the scene."""
-        return self._core.title
-
-    @property
-    def seed(self) -> int:
-        """Seed of all random numbers."""
-        return self._core.seed
-
-    @property
-    def scene_text(self) -> str:
-        """The scene with every default written out, as TOML."""
-        return self._core.resolved
-
-    @property
-    def threads(self) -> int:
-        """Number of threads that this simulation may use."""
-        return self._core.threads
-
-    @property
-    def neighbors(self) -> str:
-        """Method of the neighbor search: ``"windows"``, ``"lists"``, ``"cells"``, …"""
-        return self._core.neighbors
+    # --- how it is shown ---------------------------------------------------------------------
 
     def _repr_html_(self) -> str:
         """A table for notebooks."""
@@ -621,26 +463,3 @@ class Simulation:
     def __repr__(self) -> str:
         done = f"t = {self.time:g}, {self.collisions:,} collisions"
         return f"<haff.Simulation {self.title!r}: {len(self):,} particles, {done}>"
-
-
-_living: weakref.WeakSet[Simulation] = weakref.WeakSet()
-_held: list[Simulation] = []
-_forking = threading.Lock()
-
-
-def _before_fork() -> None:
-    """A copy made while another thread advances a simulation would find it locked for ever, between two events."""
-    _forking.acquire()
-    for simulation in list(_living):
-        simulation._core.hold()
-        _held.append(simulation)
-
-
-def _after_fork() -> None:
-    while _held:
-        _held.pop()._core.release()
-    _forking.release()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
