@@ -2,7 +2,7 @@
 //! mostly empty: `cluster N_PER_EDGE PHI BOX_OVER_CLUSTER RESTITUTION COLLISIONS_PER_PARTICLE
 //! [auto|cells|lists|windows]`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use std::time::Instant;

@@ -3,7 +3,7 @@
 //! One line for each mixture and search: seconds of processor time, work counters, and the time relative to
 //! that of the fastest search.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use common::{mixture::mixture, processor_time};

@@ -1,7 +1,7 @@
 //! Collisions per second of the elastic fluid:
 //! `throughput N_PER_EDGE PHI COLLISIONS [auto|cells|lists|all] [spheres|disks|polydisperse]`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use common::processor_time;

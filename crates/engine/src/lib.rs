@@ -43,7 +43,7 @@ mod simulation;
 #[cfg(test)]
 mod examples;
 #[cfg(test)]
-extern crate self as haff_engine; // tests/common builds its systems with the public interface
+extern crate self as haff_engine; // tests/suite/common builds its systems with the public interface
 
 pub use model::{
     Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Dimension,

@@ -1,6 +1,6 @@
 //! Speed of the writer thread: `cargo run --release -p haff-record --example writer [DIRECTORY]`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use std::{env, error::Error, fs, path::PathBuf, time::Instant};

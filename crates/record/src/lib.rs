@@ -82,7 +82,7 @@ exists when its `time` does.
 #[cfg(test)]
 extern crate self as haff_record;
 #[cfg(test)]
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 mod checkpoint;

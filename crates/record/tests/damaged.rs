@@ -1,6 +1,8 @@
 //! Damaged files give errors: no panic, no abort, no hang, and less than 1 GiB of memory.
 #![cfg(unix)]
 
+// Not in the suite: a child keeps the locks of files that this process has opened.
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use std::{
@@ -15,9 +17,10 @@ use std::{
     time::Duration,
 };
 
-use common::{checkpoint, events, frame, header, number, sample};
 use haff_record::{EVENT_CHUNK, RecordError, Recorder, info, last_state, resumable};
 use hdf5::{Dataset, File, H5Type};
+
+use common::{checkpoint, events, frame, header, number, sample};
 
 /// Set in a child process: the folder of the files, and the range of seeds.
 const CHILD: &str = "HAFF_RECORD_TEST_DAMAGE";

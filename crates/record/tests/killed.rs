@@ -1,6 +1,8 @@
 //! Writers that are killed, or whose disk is full, leave files that open, are correct, and can be continued.
 #![cfg(unix)]
 
+// Not in the suite: a child keeps the locks of files that this process has opened.
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use std::{
@@ -13,9 +15,10 @@ use std::{
     time::Duration,
 };
 
-use common::{checkpoint, event, events, frame, header, number, sample};
 use haff_record::{RecordError, Recorder, info};
 use hdf5::File;
+
+use common::{checkpoint, event, events, frame, header, number, sample};
 
 /// Set in the process that writes: the path of its file.
 const CHILD: &str = "HAFF_RECORD_TEST_FILE";

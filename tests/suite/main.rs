@@ -1,0 +1,14 @@
+//! All tests of the command in one binary, which is linked once.
+
+mod accuracy;
+mod bench;
+mod command_line;
+mod common;
+mod compression;
+mod continued;
+mod determinism;
+mod growing_sweeps;
+mod numbers_and_warnings;
+mod sweep;
+mod textbook_impacts;
+mod textbook_linkages;
