@@ -265,10 +265,10 @@ impl<F: Features> ListPredictor<F> {
         self.decide::<VECTORS>(world, pending, &query, contact, bounds, work)
     }
 
-    /// [`Self::predict`] with vector instructions for two particles, each step for both, so that the
-    /// processor can overlap the two predictions.
+    /// [`Self::predict`] for two particles, each step for both, so that the processor can overlap the two
+    /// predictions.
     #[inline(always)]
-    pub(super) fn predict_both(
+    pub(super) fn predict_both<const VECTORS: bool>(
         &self,
         world: &World,
         pending: &Waiting,
@@ -277,12 +277,12 @@ impl<F: Features> ListPredictor<F> {
         work: &mut Work,
     ) -> [Entry; 2] {
         let fraction = self.plan.frame.fraction(world.now);
-        let one = self.query::<true>(i, fraction, a, work);
-        let other = self.query::<true>(j, fraction, b, work);
+        let one = self.query::<VECTORS>(i, fraction, a, work);
+        let other = self.query::<VECTORS>(j, fraction, b, work);
         let contacts = [Self::first(world, &one, work), Self::first(world, &other, work)];
         [
-            self.decide::<true>(world, pending, &one, contacts[0], a, work),
-            self.decide::<true>(world, pending, &other, contacts[1], b, work),
+            self.decide::<VECTORS>(world, pending, &one, contacts[0], a, work),
+            self.decide::<VECTORS>(world, pending, &other, contacts[1], b, work),
         ]
     }
 

@@ -28,12 +28,7 @@ impl<F: Features, const VECTORS: bool> VectorPredictor<'_, F, VECTORS> {
         if world.now > self.predictor.plan.frame.end {
             self.predictor.begin(world);
         }
-        if VECTORS {
-            self.predictor.predict_both(world, pending, bodies, self.bounds, self.work)
-        } else {
-            let [bounds, _] = &mut *self.bounds;
-            bodies.map(|i| self.predictor.predict_portable(world, pending, i, bounds, self.work))
-        }
+        self.predictor.predict_both::<VECTORS>(world, pending, bodies, self.bounds, self.work)
     }
 }
 
@@ -53,7 +48,7 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
                 self.predictor.predict_avx2(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
             };
         }
-        self.predictor.predict_portable(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
+        self.predictor.predict::<false>(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
     }
 
     /// Prefetches in two steps. For the event [`FAR_AHEAD`] entries after the next one: the anchors, compact
@@ -90,22 +85,6 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
                 neighbors(j);
             }
         }
-    }
-}
-
-impl<F: Features> ListPredictor<F> {
-    /// [`Self::predict`] without vector instructions. Not inlined: this kernel is compiled for every loop of
-    /// events, and mostly not used.
-    #[inline(never)]
-    fn predict_portable(
-        &self,
-        world: &World,
-        pending: &Waiting,
-        i: u32,
-        bounds: &mut Bounds,
-        work: &mut Work,
-    ) -> Entry {
-        self.predict::<false>(world, pending, i, bounds, work)
     }
 }
 

@@ -129,26 +129,6 @@ impl<F: Features> Worker<F> {
         world: &World,
         bodies: [u32; K],
     ) -> bool {
-        if VECTORS {
-            self.predict_changed::<K, true>(world, bodies)
-        } else {
-            self.predict_portable::<K>(world, bodies)
-        }
-    }
-
-    /// [`Self::predict_again`] without vector instructions. Not inlined: this kernel is compiled for every
-    /// loop of events, and mostly not used.
-    #[inline(never)]
-    fn predict_portable<const K: usize>(&mut self, world: &World, bodies: [u32; K]) -> bool {
-        self.predict_changed::<K, false>(world, bodies)
-    }
-
-    #[inline(always)]
-    fn predict_changed<const K: usize, const VECTORS: bool>(
-        &mut self,
-        world: &World,
-        bodies: [u32; K],
-    ) -> bool {
         let mut queries = [WindowQuery::default(); K];
         let mut is_too_fast = false;
         for (query, body) in queries.iter_mut().zip(bodies) {
