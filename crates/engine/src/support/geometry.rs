@@ -55,7 +55,9 @@ pub(crate) fn largest_contact(particles: impl Iterator<Item = (f64, bool, u64)>)
             }
         }
     }
-    movable[0] + movable[1].max(fixed)
+    let partner = movable[1].max(fixed);
+    // A single particle touches no other one; then lengths are measured in its diameters.
+    movable[0] + if partner > 0.0 { partner } else { movable[0] }
 }
 
 /// The system with the edges that its box has at present, for searches.

@@ -33,7 +33,18 @@ pub const REPLAYED: [Recipe; 2] = [
 ];
 
 /// All others.
-pub const FORMER: [Recipe; 51] = [
+pub const FORMER: [Recipe; 52] = [
+    // A single particle, whose contact distance was its radius: lists came to a wall too late.
+    Recipe {
+        flat: true,
+        boundary: [0, 1, 0],
+        particles: 1,
+        gravity: true,
+        ramp: 2,
+        measure: true,
+        seed: 12_289_825_418_106_528_617,
+        ..PLAIN
+    },
     // A grain between walls in gravity, 30,000 equal bounces: each rounds the fall by the same part of an
     // ulp.
     Recipe {
