@@ -234,6 +234,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
             }
         };
         if F::REST {
+            self.queue.note_changed(woken);
             for &body in woken.iter().filter(|body| !bodies.contains(body)) {
                 self.schedule(state, body, Scope::All);
             }
@@ -242,6 +243,7 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
     }
 
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
+        self.queue.note_changed(bodies);
         for &body in bodies {
             self.predictor.wrap_anchor(state, body);
         }

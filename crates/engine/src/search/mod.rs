@@ -37,4 +37,5 @@ pub(crate) mod queue;
 pub(crate) mod search_event;
 pub(crate) mod sharing;
 pub(crate) mod summary;
+mod ties;
 pub(crate) mod windows;

@@ -11,6 +11,13 @@ use crate::{
     },
 };
 
+/// By how much a simple shear of this amount stretches a vector at most: the norm of (1, a; 0, 1).
+#[inline(always)]
+pub(crate) fn stretch_of_shear(amount: f32) -> f32 {
+    let half = 0.5 * amount.abs();
+    half + (1.0 + half * half).sqrt()
+}
+
 /// The axes of a frame that deforms with the box.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MovingAxes {

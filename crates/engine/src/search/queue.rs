@@ -19,7 +19,10 @@ use haff_calendar::{Calendar, Ladder};
 
 use crate::{
     model::features::Features,
-    search::entry::Entry,
+    search::{
+        entry::Entry,
+        ties::{Ties, is_valid},
+    },
     state::{State, world::World},
 };
 
@@ -45,8 +48,10 @@ pub(crate) trait Predictor {
 /// The calendar, with the entries of the present tick.
 pub(crate) struct Queue<K> {
     calendar: Ladder<Entry<K>>,
-    /// If several entries have the same tick, these entries, highest rank first.
-    ties: Vec<Entry<K>>,
+    /// The first of several entries of one tick; an entry without an event while `ties` has the others. Not a
+    /// flag, with which the events of lists take 0.2 % more instructions.
+    tied: Vec<Entry<K>>,
+    ties: Ties<K>,
 }
 
 impl<K> Queue<K> {
@@ -54,16 +59,17 @@ impl<K> Queue<K> {
     pub fn new(particles: usize, ahead: usize) -> Self {
         let mut calendar = Ladder::with_capacity(particles);
         calendar.keep_sorted(ahead + 1);
-        Self { calendar, ties: Vec::new() }
+        Self { calendar, tied: Vec::new(), ties: Ties::new() }
     }
 
     pub fn clear(&mut self) {
         self.calendar.clear();
+        self.tied.clear();
         self.ties.clear();
     }
 
     pub fn is_empty(&self) -> bool {
-        self.calendar.is_empty() && self.ties.is_empty()
+        self.calendar.is_empty() && self.tied.is_empty()
     }
 
     /// Sizes the calendar for this number of `particles`, given a sample of their events. The calendar must
@@ -75,7 +81,8 @@ impl<K> Queue<K> {
 
     /// Moves the entries up to `limit` to `entries`, invalidated ones too.
     pub fn take_until(&mut self, limit: i64, entries: &mut Vec<Entry<K>>) {
-        entries.append(&mut self.ties);
+        entries.extend(self.tied.drain(..).filter(|entry| entry.time < i64::MAX));
+        self.ties.take(entries);
         self.calendar.take_until(limit, entries);
     }
 
@@ -97,11 +104,11 @@ impl<K> Queue<K> {
         limit: i64,
     ) -> Option<Entry<K>> {
         loop {
-            if !self.ties.is_empty() {
+            if !self.tied.is_empty() {
                 if let Some(entry) = self.next_tie(state, predictor, limit) {
                     return Some(entry);
                 }
-                if !self.ties.is_empty() {
+                if !self.tied.is_empty() {
                     return None;
                 }
             }
@@ -124,7 +131,7 @@ impl<K> Queue<K> {
                     state.accumulators.counters.dropped += 1;
                 }
                 if self.calendar.next_time() == Some(entry.time) {
-                    self.ties.push(entry);
+                    self.tied.push(entry);
                     continue;
                 }
             }
@@ -146,30 +153,21 @@ impl<K> Queue<K> {
         predictor: &mut P,
         limit: i64,
     ) -> Option<Entry<K>> {
-        let time = self.ties[0].time;
+        let time = self.ties.time().or_else(|| self.tied.first().map(|entry| entry.time))?;
         if time > limit {
             return None;
         }
+        let mut first = self.tied.pop().filter(|entry| entry.time < i64::MAX);
         loop {
-            let mut changed = false;
-            while let Some(entry) = self.calendar.pop_until(time) {
-                self.ties.push(entry);
-                changed = true;
-            }
-            let mut outdated = Vec::new();
-            self.ties.retain(|entry| {
-                if state.world.particles[entry.owner as usize].count != entry.own_count {
+            let mut outdated = self.ties.take_outdated(&state.world);
+            while let Some(entry) = first.take().or_else(|| self.calendar.pop_until(time)) {
+                if !is_valid(&state.world, &entry) {
                     state.accumulators.counters.dropped += 1;
-                    return false;
+                } else if has_partner_changed(&state.world, &entry) {
+                    outdated.push(entry);
+                } else {
+                    self.ties.push(entry);
                 }
-                if has_partner_changed(&state.world, entry) {
-                    outdated.push(*entry);
-                    return false;
-                }
-                true
-            });
-            if changed {
-                self.ties.sort_unstable_by(|a, b| (b.rank(), b).cmp(&(a.rank(), a)));
             }
             if outdated.is_empty() {
                 break;
@@ -178,7 +176,16 @@ impl<K> Queue<K> {
                 self.repredict(state, predictor, entry);
             }
         }
-        self.ties.pop()
+        let entry = self.ties.pop(&state.world, &mut state.accumulators.counters.dropped);
+        if !self.ties.is_empty() {
+            self.tied.push(Entry::none(0, 0));
+        }
+        entry
+    }
+
+    /// Notes bodies that may have had an event which was not that of an entry.
+    pub fn note_changed(&mut self, bodies: &[u32]) {
+        self.ties.note(bodies);
     }
 
     /// Predicts the particle of an entry again, because the partner has had another event.

@@ -104,7 +104,7 @@ impl Deformation {
             rates,
             speeds: rates * domain.size,
             edges: DVec3::from_array(
-                [0, 1, 2].map(|k| if along(k) { domain.size[k] } else { f64::INFINITY }),
+                [0, 1, 2].map(|k| if periodic[k] { domain.size[k] } else { f64::INFINITY }),
             ),
             least: 2.0 * system.classes.iter().map(|class| class.radius).fold(0.0, f64::max),
             isotropic: one.then_some(Isotropic { rate: rates.x, axes: count }),

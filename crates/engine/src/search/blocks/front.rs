@@ -14,6 +14,9 @@
 //! distances less by d_i. What they then touch is at most σ away, and so in the field itself, and it stays
 //! there until its own next event. An event that has been taken is outside of the field. So no event of a
 //! later round can reach a particle before an event of it that has been taken.
+//!
+//! In a box that deforms places are in coordinates that deform with it: c is the largest speed there, so
+//! relative to the flow, and σ the largest distance there of two particles that touch.
 
 use super::Grid;
 

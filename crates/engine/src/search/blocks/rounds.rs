@@ -85,9 +85,7 @@ impl Settings {
 /// # Errors
 /// Why one thread takes all events.
 pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
-    if world.boundary.deformation.is_some() {
-        Err("the box deforms")
-    } else if world.supported.resting != 0 || world.boundary.carries {
+    if world.supported.resting != 0 || world.boundary.carries {
         Err("grains rest on walls, or walls carry them")
     } else {
         Ok(())

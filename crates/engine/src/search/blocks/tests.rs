@@ -8,8 +8,8 @@ use haff_testing::Random;
 use crate::{
     Simulation, Until,
     model::{
-        Body, Boundary, Class, Contacts, Dimension, Domain, Group, NeighborChoice, Options, Restitution,
-        System, Wall, thermal::ThermalWall, wall_law::WallLaw, wall_motion::WallMotion,
+        Body, Boundary, Class, Compression, Contacts, Dimension, Domain, Group, NeighborChoice, Options,
+        Restitution, Shear, System, Wall, thermal::ThermalWall, wall_law::WallLaw, wall_motion::WallMotion,
     },
     report::{BlockCounts, EventRecord, Observer},
     search::blocks::{Settings, front::Dilations},
@@ -79,10 +79,15 @@ fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: 
     }
 }
 
-/// A gas, a mixture between walls of which one is thermal, disks, and falling grains.
+/// A gas.
+pub(in crate::search) fn gas() -> System {
+    scene(Dimension::Three, [9, 9, 24], [Boundary::Periodic; 3], &[0.4], 0.9)
+}
+
+/// A gas, a mixture between walls of which one is thermal, disks, falling grains, and boxes that deform.
 fn scenes() -> Vec<(&'static str, NeighborChoice, System)> {
     let periodic = [Boundary::Periodic; 3];
-    let gas = scene(Dimension::Three, [9, 9, 24], periodic, &[0.4], 0.9);
+    let gas = gas();
     let walls = [Boundary::Wall, Boundary::Periodic, Boundary::Wall];
     let mut mixture = scene(Dimension::Three, [9, 9, 24], walls, &[0.4, 0.25], 0.95);
     mixture.contacts.wall[0] = WallLaw::Thermal(ThermalWall {
@@ -99,7 +104,34 @@ fn scenes() -> Vec<(&'static str, NeighborChoice, System)> {
     };
     let mut all = [with("gas", &gas), with("mixture", &mixture), with("disks", &disks)].concat();
     all.push(("falling", NeighborChoice::Windows, falling));
+    let deforming = [
+        ("shear", sheared(&gas, 0.3)),
+        (
+            "sheared mixture",
+            sheared(&scene(Dimension::Three, [12, 12, 24], periodic, &[0.4, 0.25], 0.95), -0.5),
+        ),
+        ("sheared disks", sheared(&disks, 0.4)),
+        ("compression", compressed(&gas, DVec3::splat(0.02))),
+        ("expansion", compressed(&disks, DVec3::new(-0.1, -0.05, 0.0))),
+        ("elongation", compressed(&gas, DVec3::new(0.02, 0.02, -0.1))),
+    ];
+    all.extend(deforming.iter().flat_map(|&(name, ref system)| with(name, system)));
     all
+}
+
+/// A scene that flows along its last axis, at this rate.
+fn sheared(system: &System, rate: f64) -> System {
+    let mut system = system.clone();
+    let (flow, gradient) = if system.dimension == Dimension::Two { (1, 0) } else { (2, 1) };
+    system.domain.shear = Some(Shear { flow, gradient, rate, offset: 0.0 });
+    system
+}
+
+/// A scene whose edges become shorter at these rates.
+fn compressed(system: &System, rates: DVec3) -> System {
+    let mut system = system.clone();
+    system.domain.compression = Some(Compression { rates });
+    system
 }
 
 /// All events of a run.

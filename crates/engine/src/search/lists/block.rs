@@ -1,5 +1,6 @@
 //! One block of [`super::steps`]: takes the events and list updates of a round, or leaves them over.
 
+use glam::DVec3;
 use haff_calendar::WindowQueue;
 
 use crate::{
@@ -17,6 +18,7 @@ use crate::{
 use super::{
     Entry, UPDATE,
     filter::Bounds,
+    moving::Motion,
     predictor::{FAR_AHEAD, ListPredictor, Work},
     vector_predictor::VectorPredictor,
 };
@@ -41,16 +43,17 @@ pub(super) struct ListBlock<F> {
 }
 
 /// Grid coordinates of particles.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
     grid: Grid,
     /// Cells per coordinate.
     scale: [f64; 3],
+    motion: Motion,
 }
 
 impl Places {
-    pub fn new(grid: Grid) -> Self {
-        Self { grid, scale: grid.n.map(|n| f64::from(n) / PERIOD) }
+    pub fn new(grid: Grid, motion: Motion) -> Self {
+        Self { grid, scale: grid.n.map(|n| f64::from(n) / PERIOD), motion }
     }
 
     /// The cell of a coordinate along an axis.
@@ -60,11 +63,12 @@ impl Places {
 
     /// The place of a particle after a fraction of the span [cells].
     #[inline(always)]
-    pub fn at(&self, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
+    pub fn at<F: Features>(&self, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
         let mut x = [0.0; 3];
+        let path = if F::DEFORMS { self.motion.path(particle.v, fraction) } else { particle.v };
         for k in 0..3 {
             x[k] = (f64::from(particle.x[k] as u32) * self.scale[k]) as f32
-                + particle.v[k] * fraction * self.grid.cells[k];
+                + if F::DEFORMS { path[k] } else { path[k] * fraction } * self.grid.cells[k];
         }
         wrap_place(&self.grid, &mut x);
         x
@@ -169,7 +173,10 @@ impl<F: Features> ListBlock<F> {
         };
         let frame = &self.predictor.plan.frame;
         let world = &self.part.state.world;
-        if !impact.after().iter().all(|(_, _, velocity)| frame.allows::<F>(world, *velocity, entry.time)) {
+        let allows = |&(_, position, velocity): &(u32, DVec3, DVec3)| {
+            frame.allows::<F>(world, (position, velocity), entry.time)
+        };
+        if !impact.after().iter().all(allows) {
             return false;
         }
         if !round.is_expected(&self.part.state.world, &places, time) {
@@ -222,7 +229,8 @@ impl<F: Features> ListBlock<F> {
             return false;
         };
         let world = &self.part.state.world;
-        if !self.predictor.plan.frame.allows::<F>(world, outcome.velocity(), entry.time) {
+        let after = (contact.position, outcome.velocity());
+        if !self.predictor.plan.frame.allows::<F>(world, after, entry.time) {
             return false;
         }
         if !round.is_expected(&self.part.state.world, &places, time) {
@@ -331,7 +339,7 @@ impl<F: Features> ListBlock<F> {
     #[inline(always)]
     fn place(&self, step: &Step, body: u32, time: f32) -> Place {
         let slot = body as usize;
-        let x = self.places.at(&self.predictor.particles[slot], time);
+        let x = self.places.at::<F>(&self.predictor.particles[slot], time);
         Place { body, slot, x, depth: step.metric.depth(&self.part.front.bounds, x) }
     }
 

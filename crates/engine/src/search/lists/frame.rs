@@ -187,7 +187,7 @@ impl FilterFrame {
             longest_chord: f32::INFINITY,
             bend,
             moving,
-            motion: Motion::default(),
+            motion: Motion::NONE,
         })
     }
 
@@ -366,15 +366,28 @@ impl FilterFrame {
         }
     }
 
-    /// Whether the present span allows the displacement of a particle with this velocity at `ticks`.
+    /// Whether the present span allows the displacement of a particle with this position and velocity at
+    /// `ticks`.
     #[inline(always)]
-    pub fn allows<F: Features>(&self, world: &World, velocity: DVec3, ticks: i64) -> bool {
+    pub fn allows<F: Features>(
+        &self,
+        world: &World,
+        (position, velocity): (DVec3, DVec3),
+        ticks: i64,
+    ) -> bool {
         let scale = self.step / self.sigma;
+        let elapsed = (ticks - self.begin) as f64 * world.clock.tick;
         let mut velocity = velocity;
         if F::GRAVITY {
-            velocity -= self.gravity * ((ticks - self.begin) as f64 * world.clock.tick);
+            velocity -= self.gravity * elapsed;
         }
-        let velocity = velocity.to_array();
+        let mut velocity = velocity.to_array();
+        if F::DEFORMS
+            && let Some(moving) = &self.moving
+        {
+            let vector = DVec3::from_array(velocity);
+            [_, velocity] = moving.path(position - vector * elapsed, vector);
+        }
         let mut compact = CompactParticle::default();
         for axis in 0..3 {
             compact.v[axis] = (velocity[axis] * scale) as f32;

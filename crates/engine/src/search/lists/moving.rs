@@ -25,7 +25,7 @@ use glam::DVec3;
 
 use crate::{
     model::System,
-    search::moving::MovingAxes,
+    search::moving::{MovingAxes, stretch_of_shear},
     state::{
         deformation::{HORIZON, SHEAR_HORIZON},
         world::World,
@@ -35,8 +35,8 @@ use crate::{
 /// Largest change of edges, or of the tilt, in a span.
 pub(super) const LARGEST_CHANGE: f64 = 0.05;
 
-/// What filters and lists read of a frame that deforms; zero in a box that does not.
-#[derive(Debug, Clone, Copy, Default)]
+/// What filters and lists read of a frame that deforms.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Motion {
     /// k at the beginning of the span, and its change g in the span.
     pub tilt: f32,
@@ -45,6 +45,24 @@ pub(super) struct Motion {
     pub stretch: [f32; 3],
     /// Lengths when lists were made by those at the beginning of the span.
     pub to_lists: [f32; 3],
+    /// By how much lengths in space are longer in coordinates, at most in the span; the same for lengths of
+    /// lists; and speeds than displacements in the span.
+    pub strain: f32,
+    pub strain_of_lists: f32,
+    pub speed: f32,
+}
+
+impl Motion {
+    /// No motion.
+    pub const NONE: Self = Self {
+        tilt: 0.0,
+        shear: 0.0,
+        stretch: [0.0; 3],
+        to_lists: [1.0; 3],
+        strain: 1.0,
+        strain_of_lists: 1.0,
+        speed: 1.0,
+    };
 }
 
 impl Motion {
@@ -135,11 +153,19 @@ impl MovingFrame {
 
     /// What filters and lists read, for a span of this length [time] and with these edges.
     pub fn motion(&self, step: f64, edges: &[f64; 3]) -> Motion {
+        let (shear, stretch) = (self.axes.rate * step, self.diagonal.map(|rate| rate * step));
+        let to_lists = [0, 1, 2].map(|axis| self.list_edges[axis] / edges[axis]);
+        let shortest = stretch.iter().fold(1.0, |least: f64, g| least.min(1.0 + g));
+        let longest = to_lists.iter().fold(1.0, |most: f64, ratio| most.max(1.0 / ratio));
+        let tilt = self.tilt.abs().max((self.tilt + shear).abs());
         Motion {
             tilt: self.tilt as f32,
-            shear: (self.axes.rate * step) as f32,
-            stretch: self.diagonal.map(|rate| (rate * step) as f32),
-            to_lists: [0, 1, 2].map(|axis| (self.list_edges[axis] / edges[axis]) as f32),
+            shear: shear as f32,
+            stretch: stretch.map(|g| g as f32),
+            to_lists: to_lists.map(|ratio| ratio as f32),
+            strain: stretch_of_shear(tilt as f32) / shortest as f32,
+            strain_of_lists: stretch_of_shear(self.list_tilt as f32) * longest as f32,
+            speed: stretch_of_shear(2.0 * shear as f32) / (shortest * shortest) as f32,
         }
     }
 

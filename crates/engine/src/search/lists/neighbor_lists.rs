@@ -243,7 +243,7 @@ impl Lists {
         // What is prefetched is also read for events at a face: the list of a partner, one contact distance
         // beyond. An update changes lists of particles whose reference positions are up to a contact distance
         // and the skin from its own one; each of the two is up to half of the skin from its particle.
-        bins.max(2.0 + 4.0 * self.half_skin + SLACK)
+        bins.max(2.0 * (1.0 + self.strain) + 4.0 * self.half_skin + SLACK)
     }
 
     /// The grid of blocks: that of bins. `None` if a bin holds several places of the box.

@@ -177,6 +177,7 @@ impl<F: Features, E: ListedEvent> ListSearch<F, E> {
     fn predict_woken(&mut self, state: &State, woken: &[u32], bodies: [u32; 2]) {
         if F::REST {
             let (queue, mut predictor) = self.split::<false>();
+            queue.note_changed(woken);
             for &body in woken.iter().filter(|body| !bodies.contains(body)) {
                 queue.push(predictor.predict(state, body));
             }
@@ -302,6 +303,7 @@ impl<F: Features, E: ListedEvent> Scheduler for ListSearch<F, E> {
 
     fn reschedule(&mut self, state: &mut State, bodies: &[u32]) {
         let (queue, mut predictor) = self.split::<false>();
+        queue.note_changed(bodies);
         for &body in bodies {
             state.world.wrap_anchor(body);
             predictor.predictor.update(&state.world, body);
@@ -322,10 +324,7 @@ impl<F: Features, E: ListedEvent> Scheduler for ListSearch<F, E> {
         observer: &mut dyn Observer,
         events: bool,
     ) {
-        // Blocks refuse boxes that deform (`blocks::can_share`): they are not compiled for them.
-        if !F::DEFORMS {
-            blocks::take_steps(self, state, limit, observer, events);
-        }
+        blocks::take_steps(self, state, limit, observer, events);
     }
 
     fn use_more_threads(&mut self, state: &State) {

@@ -5,8 +5,11 @@ use haff_calendar::{Calendar, Ladder};
 use crate::{
     model::features::Features,
     search::{
-        blocks::{Metric, Round, Settings, WorkingSpace},
-        lists::block::{ListBlock, Places},
+        blocks::{Grid, Metric, Round, Settings, WorkingSpace},
+        lists::{
+            block::{ListBlock, Places},
+            moving::Motion,
+        },
         queue::Queue,
         search_event::SearchEvent,
     },
@@ -57,7 +60,7 @@ impl<F: Features> Steps<F> {
             working_space: WorkingSpace::new(),
             span: None,
             metric: Metric::default(),
-            places: Places::default(),
+            places: Places::new(Grid::default(), Motion::NONE),
             rounds: Vec::new(),
             blocks: Vec::new(),
             from: 0,

@@ -111,23 +111,28 @@ impl<F: Features, E: ListedEvent> ListSearch<F, E> {
         let Self { predictor, steps, queue, .. } = self;
         let frame = &predictor.plan.frame;
         steps.span = Some(frame.begin);
-        let Some(grid) = predictor.lists.grid() else { return false };
+        let Some(mut grid) = predictor.lists.grid() else { return false };
+        let motion = frame.motion;
+        // Lengths at the beginning of the span instead of those of the lists.
+        (0..3).for_each(|k| grid.cells[k] *= motion.to_lists[k]);
         let settings = steps.settings;
         // Under gravity the frame of the filter moves past the lists, by no more in a step than a particle
         // does.
         let slip = if F::GRAVITY { LONGEST } else { 0.0 };
-        let face = (FACE * settings.dilations.face).max(LONGEST + 0.1 + slip + predictor.lists.reach());
-        let speed = frame.limit2.sqrt().max(1e-30);
-        let metric = Metric::new(&grid, speed, 1.0, Dilations { face, ..settings.dilations });
-        let numbers = blocks::divide(grid.lengths(), settings.most(), settings.thickness[0]);
+        let reach = predictor.lists.reach() * motion.strain_of_lists;
+        let face = (FACE * settings.dilations.face).max(LONGEST + 0.1 + slip + reach);
+        let speed = (frame.limit2.sqrt() * motion.speed).max(1e-30);
+        let metric = Metric::new(&grid, speed, motion.strain, Dilations { face, ..settings.dilations });
+        let thickness = settings.thickness[0] * motion.strain;
+        let numbers = blocks::divide(grid.lengths(), settings.most(), thickness);
         let count: usize = numbers.iter().product();
         // A front moves by at most a contact distance in a step.
-        if count < 2 || !metric.reaches(DILATIONS[1] * metric.source + 1.0) {
+        if count < 2 || !metric.reaches(DILATIONS[1] * metric.source + motion.strain) {
             steps.reason = Some("blocks would be too thin");
             return false;
         }
         steps.reason = None;
-        steps.places = Places::new(grid);
+        steps.places = Places::new(grid, motion);
         let particles = predictor.particles.part(0..world.particles.len());
         let up_to = |k: usize| {
             let mut sums = vec![0; grid.n[k] as usize + 1];
@@ -270,7 +275,7 @@ impl<F: Features, E: ListedEvent> Stepping for ListSearch<F, E> {
                 (&step, steps.attempts),
                 (*kernel, events),
                 |round, entries, targets| {
-                    route(&particles, &state.world, places, &step, round, entries, targets);
+                    route::<F>(&particles, &state.world, places, &step, round, entries, targets);
                 },
                 |block| {
                     // The lists of the last round can grow without limits: no other block uses them.
@@ -316,7 +321,7 @@ impl<F: Features, E: ListedEvent> Stepping for ListSearch<F, E> {
 }
 
 /// Finds the block of a round in which each of these entries is.
-fn route(
+fn route<F: Features>(
     particles: &Array<CompactParticle>,
     world: &World,
     places: Places,
@@ -343,7 +348,7 @@ fn route(
             entry.target = Target::new(SearchEvent::Prediction);
         }
         let particle = &particles[entry.owner as usize];
-        targets[k] = round.block_at(places.at(particle, step.fraction(entry.time))) as u32;
+        targets[k] = round.block_at(places.at::<F>(particle, step.fraction(entry.time))) as u32;
     }
 }
 

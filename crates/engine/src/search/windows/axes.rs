@@ -13,6 +13,7 @@ use haff_neighbors::{Axis, Geometry};
 use crate::search::{
     blocks::Grid,
     compact::{PERIOD, coordinate},
+    moving::stretch_of_shear,
 };
 
 /// Largest number of windows after which the slots are filled from the anchors again.
@@ -54,7 +55,39 @@ impl Default for Tilt {
     }
 }
 
+// With two more fields `Axes` would be copied by a call, for 1 % of the instructions.
 impl Tilt {
+    /// By how much lengths in space are longer in the coordinates of the grid, at most in the window.
+    #[inline(always)]
+    pub fn strain(self) -> f32 {
+        let tilt = self.start.abs().max((self.start + self.change).abs());
+        stretch_of_shear(tilt) * self.most()
+    }
+
+    /// By how much speeds are larger than displacements in the window, at most.
+    #[inline(always)]
+    pub fn speed(self) -> f32 {
+        let most = self.most();
+        stretch_of_shear(2.0 * self.change) * (most * most)
+    }
+
+    /// The largest 1/(1 + g θ).
+    #[inline(always)]
+    fn most(self) -> f32 {
+        self.end.iter().fold(1.0, |most: f32, &end| most.max(end))
+    }
+
+    /// The displacement in the grid after a `fraction` of the window of the path with the displacement `v`.
+    #[inline(always)]
+    pub fn path(self, v: [f32; 3], fraction: f32) -> [f32; 3] {
+        let mut path = [0.0; 3];
+        for axis in 0..3 {
+            path[axis] = v[axis] * (fraction / (1.0 + self.stretch[axis] * fraction));
+        }
+        path[0] -= self.change * v[1] * (fraction * fraction);
+        path
+    }
+
     /// The displacement `v` of a path from `from` to the end of the window as that of its chord in the grid
     /// for the whole window.
     #[inline(always)]
@@ -200,6 +233,19 @@ impl Axes {
     pub fn widen(&mut self, axis: usize, stretch: f32, distance: f32) {
         self.reach[axis] = self.cells[axis] * stretch;
         self.slack[axis] = SLACK + self.cells[axis] * distance;
+    }
+
+    /// How far searches and registrations extend around a path, for this reach in space \[length\].
+    #[inline(always)]
+    pub fn widened(&self, reach: f32) -> f32 {
+        let mut widest = reach;
+        for axis in 0..3 {
+            if self.cells[axis] > 0.0 {
+                let cells = reach * self.reach[axis] + (self.slack[axis] - SLACK);
+                widest = widest.max(cells / self.cells[axis]);
+            }
+        }
+        widest
     }
 
     /// Whether cells beyond an edge of an axis are those at the other edge.

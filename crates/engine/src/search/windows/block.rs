@@ -30,11 +30,12 @@ pub(super) struct WindowBlock<F> {
 
 /// The place of a particle in its window after a fraction of it [cells].
 #[inline(always)]
-pub(super) fn place(axes: &Axes, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
+pub(super) fn place<F: Features>(axes: &Axes, particle: &CompactParticle, fraction: f32) -> [f32; 3] {
     let grid = axes.grid_coordinates(particle.x);
     let mut x = [grid[0], grid[1], grid[2]];
+    let path = if F::DEFORMS { axes.tilt.path(particle.v, fraction) } else { particle.v };
     for k in 0..3 {
-        x[k] += particle.v[k] * fraction * axes.cells[k];
+        x[k] += if F::DEFORMS { path[k] } else { path[k] * fraction } * axes.cells[k];
     }
     wrap_place(&axes.grid(), &mut x);
     x
@@ -215,7 +216,7 @@ impl<F: Features> WindowBlock<F> {
     fn place(&self, step: &Step, body: u32, time: f32) -> Place {
         let slot = self.worker.slot_of[body as usize] as usize;
         let space = &self.worker.space;
-        let x = place(&space.cells.axes, &space.particles[slot], time);
+        let x = place::<F>(&space.cells.axes, &space.particles[slot], time);
         Place { body, slot, x, depth: step.metric.depth(&self.part.front.bounds, x) }
     }
 
@@ -242,6 +243,7 @@ impl<F: Features> WindowBlock<F> {
     fn is_registered_inside(&self, round: &RoundView, place: &Place) -> bool {
         let (space, step) = (&self.worker.space, round.step);
         let compact = &space.particles[place.slot];
+        let axes = &space.cells.axes;
         let extent = space.extent(compact.radius);
         // Of a particle with an event in this window, only the last of its paths is stored. It is registered
         // along the earlier ones up to the end of the window: from an event at a place b, up to a
@@ -254,10 +256,12 @@ impl<F: Features> WindowBlock<F> {
         } else if has_turned {
             let mut last = *compact;
             last.note_path();
-            last.longest().sqrt()
+            last.longest().sqrt() * if F::DEFORMS { axes.tilt.speed() } else { 1.0 }
         } else {
-            return self.contains(path_span(&space.cells.axes, compact.x, compact.v, 1.0, extent));
+            let v = if F::DEFORMS { axes.tilt.chord(compact.v, 0.0) } else { compact.v };
+            return self.contains(path_span(axes, compact.x, v, 1.0, extent));
         };
+        let extent = if F::DEFORMS { axes.widened(extent) } else { extent };
         place.depth.of_cells >= 2.0 * displacement + extent
     }
 
@@ -276,7 +280,7 @@ impl<F: Features> WindowBlock<F> {
         &self,
         round: &RoundView,
         place: &Place,
-        (mut position, mut velocity): (DVec3, DVec3),
+        (position, velocity): (DVec3, DVec3),
         ticks: i64,
     ) -> Stays {
         let step = round.step;
@@ -285,28 +289,27 @@ impl<F: Features> WindowBlock<F> {
         if !F::UNIFORM && world.class(place.body).inverse_mass == 0.0 {
             return Stays::Inside;
         }
-        if F::GRAVITY {
-            let elapsed = (ticks - step.begin) as f64 * world.clock.tick;
-            position -= self.worker.gravity * (0.5 * elapsed * elapsed);
-            velocity -= self.worker.gravity * elapsed;
-        }
-        let square = velocity.length_squared() * (self.worker.step * self.worker.step);
-        if square > f64::from(metric.speed) * f64::from(metric.speed) {
+        let elapsed = (ticks - step.begin) as f64 * world.clock.tick;
+        let (p, u) = self.worker.grid_flight(position, velocity, elapsed);
+        let space = &self.worker.space;
+        let axes = &space.cells.axes;
+        let limit = f64::from(if F::DEFORMS { metric.speed / axes.tilt.speed() } else { metric.speed });
+        if u[0] * u[0] + u[1] * u[1] + u[2] * u[2] > limit * limit {
             return Stays::TooFast;
         }
-        let space = &self.worker.space;
         let reach = space.particles[place.slot].radius + space.common_radius;
-        if place.depth.of_cells >= metric.speed + reach {
+        let widened = if F::DEFORMS { axes.widened(reach) } else { reach };
+        if place.depth.of_cells >= metric.speed + widened {
             return Stays::Inside;
         }
-        let axes = &space.cells.axes;
-        let (p, u) = (position.to_array(), velocity.to_array());
         let (mut start, mut v) = ([0; 3], [0.0; 3]);
         for k in 0..3 {
             start[k] = axes.coordinate(k, p[k]);
-            v[k] = (u[k] * self.worker.step) as f32;
+            v[k] = u[k] as f32;
         }
-        if self.contains(path_span(axes, start, v, 1.0 - step.fraction(ticks), reach)) {
+        let from = step.fraction(ticks);
+        let v = if F::DEFORMS { axes.tilt.chord(v, from) } else { v };
+        if self.contains(path_span(axes, start, v, 1.0 - from, reach)) {
             Stays::Inside
         } else {
             Stays::Outside

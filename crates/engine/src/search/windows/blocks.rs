@@ -56,9 +56,10 @@ impl<F: Features> Windows<F> {
         let axes = self.worker.space.cells.axes;
         let sigma = 2.0
             * self.geometry.radius as f32
-            * (self.worker.space.common_radius / self.smallest_radius as f32);
+            * (self.worker.space.common_radius / self.smallest_radius as f32)
+            * axes.tilt.strain();
         let particles = &self.worker.space.particles;
-        let speed = (SPEED * fastest(particles)).max(1e-30);
+        let speed = (SPEED * axes.tilt.speed() * fastest(particles)).max(1e-30);
         let grid = axes.grid();
         let metric = Metric::new(&grid, speed, sigma, settings.dilations);
         let thickness = settings.thickness[0] * sigma + settings.thickness[1] * speed;
@@ -121,7 +122,8 @@ impl<F: Features> Windows<F> {
         self.steps.is_serial |= !self.worker.queue.is_empty();
         let Some(metric) = &self.steps.metric else { return };
         let Worker { slot_of, space, .. } = &self.worker;
-        let limit = metric.speed * metric.speed;
+        let limit = metric.speed / space.cells.axes.tilt.speed();
+        let limit = limit * limit;
         let is_slow = |&body: &u32| space.particles[slot_of[body as usize] as usize].is_within(limit);
         if !bodies.iter().all(is_slow) {
             self.steps.metric = None;
@@ -163,6 +165,7 @@ impl<F: Features> Stepping for Windows<F> {
         self.steps.end = from;
         if std::mem::take(&mut self.steps.is_serial) {
             let fastest = fastest(&self.worker.space.particles);
+            let fastest = fastest * self.worker.space.cells.axes.tilt.speed();
             self.steps.metric = self.steps.metric.filter(|metric| fastest <= metric.speed);
         }
         // A part of a step is short, but after events that are taken one after the other, blocks leave more
@@ -264,7 +267,7 @@ fn route<F: Features>(
         }
         let entry = &events[k].0;
         let slot = slot_of[entry.owner as usize] as usize;
-        *target = round.block_at(place(axes, &particles[slot], step.fraction(entry.time))) as u32;
+        *target = round.block_at(place::<F>(axes, &particles[slot], step.fraction(entry.time))) as u32;
     }
 }
 

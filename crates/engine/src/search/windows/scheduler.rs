@@ -376,10 +376,7 @@ impl<F: Features> Scheduler for Windows<F> {
         observer: &mut dyn Observer,
         events: bool,
     ) {
-        // Blocks refuse boxes that deform (`blocks::can_share`): they are not compiled for them.
-        if !F::DEFORMS {
-            blocks::take_steps(self, state, limit, observer, events);
-        }
+        blocks::take_steps(self, state, limit, observer, events);
     }
 
     fn serial_reason(&self, state: &State) -> Option<&'static str> {

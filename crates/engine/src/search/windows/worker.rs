@@ -105,7 +105,7 @@ impl<F: Features> Worker<F> {
         }
         // SAFETY: guaranteed by the caller.
         (worker.space, worker.slot_of) = unsafe { (self.space.alias(), self.slot_of.alias()) };
-        (worker.begin, worker.step) = (self.begin, self.step);
+        (worker.begin, worker.step, worker.moving) = (self.begin, self.step, self.moving);
         worker.max_displacement = self.max_displacement;
         worker
     }
@@ -163,12 +163,31 @@ impl<F: Features> Worker<F> {
     /// Sets the path of a particle in the window from its anchor.
     pub fn set_path(&mut self, world: &World, i: u32) {
         let (position, velocity) = world.flight::<F>(i, self.begin);
-        let (position, velocity) = (position.to_array(), velocity.to_array());
+        let (start, displacement) = self.grid_flight(position, velocity, 0.0);
         let compact = &mut self.space.particles[self.slot_of[i as usize] as usize];
         for axis in 0..3 {
-            compact.x[axis] = self.space.cells.axes.coordinate(axis, position[axis]);
-            compact.v[axis] = (velocity[axis] * self.step) as f32;
+            compact.x[axis] = self.space.cells.axes.coordinate(axis, start[axis]);
+            compact.v[axis] = displacement[axis] as f32;
         }
+    }
+
+    /// A position and a velocity `elapsed` \[time\] after the start of the window, in the coordinates of the
+    /// grid: the position, and the displacement in the window \[length\].
+    #[inline(always)]
+    pub fn grid_flight(&self, position: DVec3, velocity: DVec3, elapsed: f64) -> ([f64; 3], [f64; 3]) {
+        if F::DEFORMS
+            && let Some(frame) = &self.moving
+        {
+            let flight = frame.flight(position, velocity, elapsed, self.step);
+            return (flight.position, flight.displacement);
+        }
+        let (mut position, mut velocity) = (position, velocity);
+        if F::GRAVITY {
+            // In the frame that has been falling since the window began, all paths are straight.
+            position -= self.gravity * (0.5 * elapsed * elapsed);
+            velocity -= self.gravity * elapsed;
+        }
+        (position.to_array(), (velocity * self.step).to_array())
     }
 
     /// Registers a particle along its new path.
