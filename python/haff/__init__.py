@@ -43,8 +43,9 @@ if TYPE_CHECKING:
         SimulationError,
         UnknownNameError,
     )
+    from .files.box import Box, Shear
     from .files.events import Events
-    from .files.frames import Box, Frame, Frames, Shear
+    from .files.frames import Frame, Frames
     from .live.simulation import Simulation
     from .packing import Packing, open_packing
     from .reader import File, open
@@ -110,7 +111,8 @@ _HOME = {
         "UnknownNameError",
     ),
     "files.events": ("Events",),
-    "files.frames": ("Box", "Frame", "Frames", "Shear"),
+    "files.box": ("Box", "Shear"),
+    "files.frames": ("Frame", "Frames"),
     "command.packings": ("pack",),
     "command.plotting": ("plot",),
     "packing": ("Packing", "open_packing"),

@@ -25,8 +25,9 @@ from .common.output import replacing
 from .common.readonly import ReadOnly
 from .common.temporary import TemporaryFolder
 from .errors import ArgumentError, MissingDataError, NotApplicableError
-from .files.frames import Box, Frame
-from .files.scene import packing_fraction
+from .files.box import Box
+from .files.frames import Frame
+from .files.header import packing_fraction
 from .scenes.keywords import dotted
 from .text import quoted
 

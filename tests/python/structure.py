@@ -143,7 +143,10 @@ def circles(names: Names) -> list[list[Path]]:
 
 
 def imports() -> Names:
-    """The imports of the Python package, those within functions too; not those for types alone."""
+    """The imports of the Python package, also those within functions and for types alone.
+
+    The package itself hands names on when they are used: what it imports for types is the list of these.
+    """
     package = ROOT / "python" / "haff"
     found: Names = defaultdict(lambda: defaultdict(set))
 
@@ -153,7 +156,7 @@ def imports() -> Names:
         return next((path for path in files if path.is_file()), None)
 
     def visit(node: ast.AST, file: Path) -> None:
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+        if file == package / "__init__.py" and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
             return
         if isinstance(node, ast.ImportFrom) and (node.level or (node.module or "").split(".")[0] == "haff"):
             here = file.relative_to(package).parent.parts

@@ -15,7 +15,7 @@ from ..files.layout import Array
 from .gaps import particles
 
 if TYPE_CHECKING:
-    from ..files.frames import Box
+    from ..files.box import Box
 
 __all__ = ["BondOrder", "bond_order"]
 

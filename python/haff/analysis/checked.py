@@ -56,7 +56,7 @@ def _one_or_more(name: str, value: object) -> object:
 
 
 _CHECKS: dict[str, Callable[[str, Any], object]] = {
-    "File": _file,
+    "Recording": _file,
     "Frame": _frame,
     "Iterable[Frame]": _frames,
     "Frame | Iterable[Frame]": _one_or_more,

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import NotApplicableError
+from ..files.header import packing_fraction
 from ..files.layout import AXES
 from ..files.measure import correlation_columns
-from ..files.scene import constant, is_rough, packing_fraction, pair_laws
+from ..files.scene import constant, is_rough, pair_laws
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["Condition", "mean_free_time", "require", "restitution", "start", "unmet"]
 
@@ -45,11 +46,11 @@ class Condition(NamedTuple):
 
     needs: str
     """In words, after "needs"."""
-    fault: Callable[[File], str | None]
+    fault: Callable[[Recording], str | None]
     """What is different in a file: a reason, empty if ``needs`` says it all; ``None`` if the condition holds."""
 
 
-def unmet(file: File, conditions: Iterable[Condition]) -> str:
+def unmet(file: Recording, conditions: Iterable[Condition]) -> str:
     """The first condition that a file does not meet, such as "needs a periodic box"; empty if it meets all."""
     for condition in conditions:
         fault = condition.fault(file)
@@ -58,13 +59,13 @@ def unmet(file: File, conditions: Iterable[Condition]) -> str:
     return ""
 
 
-def require(file: File, what: str, conditions: Iterable[Condition]) -> None:
+def require(file: Recording, what: str, conditions: Iterable[Condition]) -> None:
     """Raises :class:`NotApplicableError`, "WHAT needs …", unless a file meets all conditions."""
     if missing := unmet(file, conditions):
         raise NotApplicableError(f"{what} {missing}")
 
 
-def start(file: File) -> float:
+def start(file: Recording) -> float:
     """Time of the first sample or frame: 0, or when a run with other keys (``--resume … --set``) went on in this file.
 
     [time]
@@ -78,11 +79,11 @@ def _if(broken: bool, why: str = "") -> str | None:
     return why if broken else None
 
 
-def _contact(file: File, key: str) -> float:
+def _contact(file: Recording, key: str) -> float:
     return float(file.scene.get("contact", {}).get(key, 0.0))
 
 
-def mean_free_time(file: File) -> float:
+def mean_free_time(file: Recording) -> float:
     """The shortest one in any interval between samples [time]; infinite if none was recorded."""
     table = file.samples if "observables" in file else {}
     times = np.asarray(table.get("mean_free_time", ()), float)
@@ -92,26 +93,26 @@ def mean_free_time(file: File) -> float:
 # --- the box and what acts on the particles ------------------------------------------------------------------
 
 
-def _walls(file: File) -> str | None:
+def _walls(file: Recording) -> str | None:
     return _if(bool(file.scene.get("wall")) or "wall" in file.box.boundary[: file.dimension])
 
 
-def _drives(file: File) -> str | None:
+def _drives(file: Recording) -> str | None:
     kinds = [DRIVES.get(drive["kind"], str(drive["kind"])) for drive in file.scene.get("drive", ())]
     return _if(bool(kinds), f"the scene has {' and '.join(kinds)}")
 
 
-def _flows(file: File) -> str | None:
+def _flows(file: Recording) -> str | None:
     why = "the edges of the box change with time" if file.compression is not None else ""
     return _if(file.shear is not None or file.compression is not None, why)
 
 
-def _joints(file: File) -> str | None:
+def _joints(file: Recording) -> str | None:
     found = [name for name in ("pendulum", "spring", "rod") if file.scene.get(name)]
     return _if(bool(found) or "sticks" in pair_laws(file.scene))
 
 
-def _continued(file: File) -> str | None:
+def _continued(file: Recording) -> str | None:
     return _if(start(file) > 0, f"the file goes on from another run at t = {start(file):.4g}")
 
 
@@ -126,17 +127,17 @@ FROM_START = Condition("a run from its start", _continued)
 # --- the particles -------------------------------------------------------------------------------------------
 
 
-def _dense(file: File) -> str | None:
+def _dense(file: Recording) -> str | None:
     phi = packing_fraction(file)
     return _if(not phi < FREEZING[file.dimension], f"the packing fraction is {phi:.3g}")
 
 
-def _placed(file: File) -> str | None:
+def _placed(file: Recording) -> str | None:
     count = len(file.scene.get("particle", ()))
     return _if(count > PLACED * len(file), f"the scene places {count} of {len(file)} particles one by one")
 
 
-def _unequal_species(file: File) -> str | None:
+def _unequal_species(file: Recording) -> str | None:
     table = file.samples if "observables" in file else {}
     counts = np.bincount(file.species, minlength=len(file.species_names))
     first, members = [], []
@@ -157,7 +158,7 @@ def _kinds(values: np.ndarray) -> int:
     return len(np.unique(values, axis=-1).T)
 
 
-def _few(file: File) -> str | None:
+def _few(file: Recording) -> str | None:
     return _if(len(file) < FEWEST, f"not {len(file)} particle{'s'[: len(file) != 1]}")
 
 
@@ -174,13 +175,13 @@ ONE_TEMPERATURE = Condition("one temperature at the start", _unequal_species)
 # --- the contacts --------------------------------------------------------------------------------------------
 
 
-def restitution(file: File) -> float | None:
+def restitution(file: Recording) -> float | None:
     """The coefficient of restitution of all pairs of particles; ``None`` if they have not one constant one."""
     laws = {constant(law) for law in pair_laws(file.scene)}
     return laws.pop() if len(laws) == 1 else None
 
 
-def _soft(file: File) -> str | None:
+def _soft(file: Recording) -> str | None:
     tc, time = _contact(file, "tc"), mean_free_time(file)
     return _if(tc > SHORT * time, f"contact.tc = {tc:g} is above {SHORT:g} of the mean free time, {time:.3g}")
 
@@ -198,7 +199,7 @@ SHORT_CONTACTS = Condition("short contacts", _soft)
 # --- what happens --------------------------------------------------------------------------------------------
 
 
-def _changing(file: File) -> str | None:
+def _changing(file: Recording) -> str | None:
     """Compares the mean temperatures in the quarters of the run."""
     table = file.samples if "observables" in file else {}
     time, T = (np.asarray(table.get(name, ()), float) for name in ("time", "temperature"))
@@ -212,7 +213,7 @@ def _changing(file: File) -> str | None:
     return _if(changed, f"it goes from {means[0]:.3g} in the first quarter of the run to {means[-1]:.3g} in the last")
 
 
-def _unsettled(file: File) -> str | None:
+def _unsettled(file: Recording) -> str | None:
     """Compares the temperatures in the halves of the time of the frames that distributions are taken from."""
     from .statistics import drawn_frames
 
@@ -227,7 +228,7 @@ def _unsettled(file: File) -> str | None:
     return _if(not abs(first - last) <= allowed * last, f"it goes from {first:.3g} to {last:.3g}")
 
 
-def _drifting(file: File) -> str | None:
+def _drifting(file: Recording) -> str | None:
     """Compares the way of the center of mass with the mean square displacement, in at most 80 mean free times."""
     msd = correlation_columns(file).get("msd") if "correlations" in file else None
     table, shear = file.samples if "observables" in file else {}, file.shear
@@ -244,7 +245,7 @@ def _drifting(file: File) -> str | None:
     return _if(bool(drifts), f"it moves with the velocity {V:.3g}")
 
 
-def _not_noise(file: File) -> str | None:
+def _not_noise(file: Recording) -> str | None:
     drives, names = file.scene.get("drive", ()), set(file.species_names)
     if [drive["kind"] for drive in drives] != ["white_noise"]:
         return _drives(file) or "nothing drives the gas"
@@ -256,7 +257,7 @@ def _not_noise(file: File) -> str | None:
     return _if(between > RARE * time, f"the time between kicks, {between:.3g}, is above {RARE:g} mean free times")
 
 
-def _not_cooling_shape(file: File) -> str | None:
+def _not_cooling_shape(file: Recording) -> str | None:
     """A drive other than a common factor of all velocities, which leaves their distribution as it is."""
     names = set(file.species_names)
     for drive in file.scene.get("drive", ()):

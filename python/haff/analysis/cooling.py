@@ -14,7 +14,7 @@ from .checked import checked
 from .energies import temperature
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 FIRST = 1.0
 """Collisions per particle from which on the law is fitted: a lattice delays the first ones."""
@@ -70,7 +70,7 @@ class HeatedState(NamedTuple):
 
 
 @checked
-def cooling_law(file: File) -> CoolingLaw:
+def cooling_law(file: Recording) -> CoolingLaw:
     """The cooling law expected for the file's gas.
 
     It needs the conditions of :data:`.conditions.HAFF`: a periodic box at rest, without walls, fixed bodies, joints
@@ -113,7 +113,7 @@ def cooling_law(file: File) -> CoolingLaw:
     return CoolingLaw(T0, tau, 2 * total / len(file), e, 0.0, float("nan"), float("nan"), False, begin)
 
 
-def fitted(file: File, law: CoolingLaw) -> Fit | None:
+def fitted(file: Recording, law: CoolingLaw) -> Fit | None:
     """τ from √(T₀/T) = c + (t − start)/τ, after ``FIRST`` collisions per particle and as long as Haff's law holds.
 
     It holds up to the first sample whose temperature differs from the law with the τ of theory by more than
@@ -136,7 +136,7 @@ def fitted(file: File, law: CoolingLaw) -> Fit | None:
     return Fit(float(1 / slope), float(t[count - 1]), count == len(t)) if slope > 0 else None
 
 
-def heated_state(file: File) -> HeatedState:
+def heated_state(file: Recording) -> HeatedState:
     """The steady state expected for a gas heated by white noise, by Enskog's theory.
 
     It needs the conditions of :data:`.conditions.HEATED`: those of :func:`cooling_law` for equal particles, but
@@ -156,7 +156,7 @@ def heated_state(file: File) -> HeatedState:
 
 
 @checked
-def gas_restitution(file: File) -> float:
+def gas_restitution(file: Recording) -> float:
     """The coefficient of restitution of all normal impacts of a periodic gas.
 
     Raises :class:`NotApplicableError` with the reason if the file is none, or does not have one constant coefficient.

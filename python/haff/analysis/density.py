@@ -14,7 +14,8 @@ from ..text import quoted
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..files.frames import Box, Frame
+    from ..files.box import Box
+    from ..files.frames import Frame
 
 __all__ = ["DensityField", "density_field"]
 

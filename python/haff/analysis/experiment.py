@@ -17,7 +17,7 @@ from . import conditions
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = [
     "angles",
@@ -39,7 +39,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 
-def times(run: File) -> pd.DataFrame:
+def times(run: Recording) -> pd.DataFrame:
     """Column ``time``: the impacts of the one body that bounces on a wall [time].
 
     Raises :class:`NotApplicableError` if none does, or several do, or the wall moves or is thermal, so that flights do
@@ -50,7 +50,7 @@ def times(run: File) -> pd.DataFrame:
     return pd.DataFrame({"time": _bounces(run)["time"].to_numpy()})
 
 
-def heights(run: File) -> pd.DataFrame:
+def heights(run: Recording) -> pd.DataFrame:
     """Column ``height``: clear heights over the wall at the top of every flight between bounces [length].
 
     Computed from the energy in any frame of the flight; NaN for a flight without a frame. Raises
@@ -79,7 +79,7 @@ def heights(run: File) -> pd.DataFrame:
     return pd.DataFrame({"height": found})
 
 
-def angles(run: File) -> pd.DataFrame:
+def angles(run: Recording) -> pd.DataFrame:
     """Columns ``alpha``, ``beta``: a row with the angles of release and of the struck bob's rise [rad].
 
     From the first impact of two bobs, of which the second hangs at rest, and the frames before and after it, by their
@@ -112,7 +112,7 @@ def angles(run: File) -> pd.DataFrame:
     return table
 
 
-def gravity(run: File) -> Array:
+def gravity(run: Recording) -> Array:
     """``[3]`` acceleration of the scene [length/time²]."""
     return vector(run.scene.get("domain", {}).get("gravity", ()))
 
@@ -122,7 +122,7 @@ def vector(given: Sequence[float]) -> Array:
     return np.pad(np.asarray(given, float), (0, 3 - len(given)))
 
 
-def restitution(run: File, first: str, second: str) -> float | dict[str, object] | str:
+def restitution(run: Recording, first: str, second: str) -> float | dict[str, object] | str:
     """The scene's law for two particles by their names: a number, a model, or ``"sticks"``."""
     general = run.scene.get("contact", {}).get("restitution", 1.0)
     for pair in _rule(run, first, second):
@@ -130,7 +130,7 @@ def restitution(run: File, first: str, second: str) -> float | dict[str, object]
     return general
 
 
-def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, object] | str:
+def wall_restitution(run: Recording, name: str, wall: int) -> float | dict[str, object] | str:
     """The scene's law for a particle by its name on a wall by its row."""
     contact, (called, of) = run.scene.get("contact", {}), _wall(run, wall)
     own = of.get("restitution", contact.get("wall_restitution", contact.get("restitution", 1.0)))
@@ -139,24 +139,24 @@ def wall_restitution(run: File, name: str, wall: int) -> float | dict[str, objec
     return "sticks" if of.get("sticks") else own
 
 
-def roughness(run: File, first: str, second: str) -> tuple[float, float]:
+def roughness(run: Recording, first: str, second: str) -> tuple[float, float]:
     """The scene's β and μ for two particles by their names; β = -1 is smooth, and μ infinite where β alone counts."""
     return roughness_of(run.scene, *_rule(run, first, second))
 
 
-def wall_roughness(run: File, name: str, wall: int) -> tuple[float, float]:
+def wall_roughness(run: Recording, name: str, wall: int) -> tuple[float, float]:
     """The scene's β and μ for a particle by its name on a wall by its row; see :func:`roughness`."""
     called, of = _wall(run, wall)
     return roughness_of(run.scene, *_rule(run, name, called), of)
 
 
-def _rule(run: File, first: str, second: str) -> list[dict[str, Any]]:
+def _rule(run: Recording, first: str, second: str) -> list[dict[str, Any]]:
     """The entry of ``contact.pair`` for two names, or nothing."""
     pairs = run.scene.get("contact", {}).get("pair", ())
     return [pair for pair in pairs if sorted(pair["between"]) == sorted((first, second))][:1]
 
 
-def _wall(run: File, wall: int) -> tuple[str, dict[str, Any]]:
+def _wall(run: Recording, wall: int) -> tuple[str, dict[str, Any]]:
     """Name of a wall by its row, and its entry of ``[[wall]]``, empty if there is none."""
     sides = _sides(run)
     if wall < 2 * len(sides):
@@ -167,7 +167,7 @@ def _wall(run: File, wall: int) -> tuple[str, dict[str, Any]]:
     return of.get("name", ""), of
 
 
-def driven(run: File, wall: int) -> str:
+def driven(run: Recording, wall: int) -> str:
     """How a wall, by its row, gives energy to what hits it: such as "oscillates"; empty if it does not."""
     _, of = _wall(run, wall)
     if "motion" in of:
@@ -177,7 +177,7 @@ def driven(run: File, wall: int) -> str:
     return "has a velocity" if any(of.get("velocity", ())) else ""
 
 
-def body(run: File, name: str) -> int:
+def body(run: Recording, name: str) -> int:
     """Row of the first particle of a name of the scene. Raises :class:`FileError` if there is none."""
     if name in run.species_names:
         rows = np.flatnonzero(run.species == run.species_names.index(name))
@@ -186,7 +186,7 @@ def body(run: File, name: str) -> int:
     raise FileError(f"{run.path}: parameters/scene: no particle has the name {quoted(name)}")
 
 
-def pendulums(run: File) -> dict[int, tuple[Array, float]]:
+def pendulums(run: Recording) -> dict[int, tuple[Array, float]]:
     """Pivot ``[3]`` and length [length] of every pendulum by the row of its bob."""
     start = run.frames[0].position
     found = {}
@@ -196,7 +196,7 @@ def pendulums(run: File) -> dict[int, tuple[Array, float]]:
     return found
 
 
-def _amplitude(run: File, body: int, hangs: tuple[Array, float], frame: int) -> float:
+def _amplitude(run: Recording, body: int, hangs: tuple[Array, float], frame: int) -> float:
     """Angle at which a pendulum would come to rest, from its energy in a frame; NaN if it goes over the top."""
     pivot, length = hangs
     g = gravity(run)
@@ -209,11 +209,11 @@ def _amplitude(run: File, body: int, hangs: tuple[Array, float], frame: int) -> 
         return float(2 * np.arcsin(np.sqrt(rise / (2 * length))))
 
 
-def _events(run: File) -> pd.DataFrame:
+def _events(run: Recording) -> pd.DataFrame:
     return run.events.to_pandas(["time", "kind", "i", "j"])
 
 
-def _bounces(run: File) -> pd.DataFrame:
+def _bounces(run: Recording) -> pd.DataFrame:
     """Impacts on the wall that one body bounces on, in order of time."""
     log = _events(run)
     bounces = log[log["kind"] == "wall"]
@@ -230,17 +230,17 @@ def _bounces(run: File) -> pd.DataFrame:
     return bounces
 
 
-def _sides(run: File) -> list[int]:
+def _sides(run: Recording) -> list[int]:
     """Axes that end in walls."""
     return [k for k in range(run.dimension) if run.box.boundary[k] == "wall"]
 
 
-def count_walls(run: File) -> int:
+def count_walls(run: Recording) -> int:
     """Number of walls: those of the box and those of the scene."""
     return 2 * len(_sides(run)) + len(shaped_walls(run.scene))
 
 
-def plane(run: File, wall: int) -> tuple[Array, Array]:
+def plane(run: Recording, wall: int) -> tuple[Array, Array]:
     """A point of a wall in the first frame and its normal, which points to the inside, by its row.
 
     Those of the box are first. The point of a wall that oscillates is that of its mean position.

@@ -14,7 +14,7 @@ from ..text import quoted
 from .trees import SLACK, folded, within
 
 if TYPE_CHECKING:
-    from ..files.frames import Box
+    from ..files.box import Box
 
 __all__ = ["Gaps", "close_gaps"]
 

@@ -15,8 +15,9 @@ from ..text import quoted
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..files.frames import Box, Frame
-    from ..reader import File
+    from ..files.box import Box
+    from ..files.frames import Frame
+    from ..files.recording import Recording
 
 __all__ = ["HeightProfile", "height_axis", "height_profile"]
 
@@ -52,7 +53,7 @@ class HeightProfile(NamedTuple):
 
 
 @checked
-def height_axis(file: File) -> tuple[int, int]:
+def height_axis(file: Recording) -> tuple[int, int]:
     """Axis of the height of a scene, and the sign of the direction upwards.
 
     It is that of gravity; without gravity the first one that ends in walls. Raises :class:`NotApplicableError` if there

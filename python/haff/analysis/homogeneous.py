@@ -22,10 +22,10 @@ from .conditions import (
 from .cooling import cooling_law, fitted
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def _clustered(file: File) -> str | None:
+def _clustered(file: Recording) -> str | None:
     """Whether a gas that cools freely is off Haff's law before its end."""
     if restitution(file) == 1 or "observables" not in file:
         return None

@@ -14,7 +14,7 @@ from ..text import quoted
 from .gaps import Gaps, gaps_of, particles
 
 if TYPE_CHECKING:
-    from ..files.frames import Box
+    from ..files.box import Box
 
 __all__ = [
     "ContactNetwork",

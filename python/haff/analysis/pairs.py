@@ -13,7 +13,7 @@ from ..errors import NotApplicableError
 from ..files.layout import Array
 
 if TYPE_CHECKING:
-    from ..files.frames import Box
+    from ..files.box import Box
 
 PER_CELL = 30
 """Particles in a cell, about: fewer make many small products, more make many distances that are too long."""

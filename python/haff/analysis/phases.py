@@ -15,7 +15,7 @@ from ..files.layout import Array
 from . import conditions
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["phase_note", "profile_times"]
 
@@ -27,7 +27,7 @@ SMALL = 0.01
 """Relative change of the temperature between two actions of a drive that is too small to matter."""
 
 
-def phase_note(file: File, time: Array) -> str:
+def phase_note(file: Recording, time: Array) -> str:
     """A note, "at one phase of …", for records at these times; empty if they are spread over the phases."""
     time = np.asarray(time, float)
     if len(time) < FEWEST:
@@ -43,7 +43,7 @@ def phase_note(file: File, time: Array) -> str:
     return ""
 
 
-def profile_times(file: File, axes: str, rows: Array) -> Array:
+def profile_times(file: Recording, axes: str, rows: Array) -> Array:
     """Times of the states in rows of a profile that end at ``rows``, if they are at equal times; else none."""
     entries = (one for one in file.scene.get("measure", {}).get("profiles", ()) if one["axis"] == axes)
     if (entry := next(entries, None)) is None or entry.get("spread", False):
@@ -53,7 +53,7 @@ def profile_times(file: File, axes: str, rows: Array) -> Array:
     return ((last[:, None] - 1 + np.arange(1, samples + 1) / samples) * interval).ravel()
 
 
-def _periods(file: File) -> list[tuple[str, float]]:
+def _periods(file: Recording) -> list[tuple[str, float]]:
     """Names and lengths of periods: those of walls, and of drives that change the temperature noticeably."""
     scene = file.scene
     found = [

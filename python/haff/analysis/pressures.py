@@ -12,7 +12,7 @@ from .checked import checked
 
 if TYPE_CHECKING:
     from ..files.frames import Frame
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["ReducedPressures", "reduced_pressure", "reduced_pressures"]
 
@@ -67,7 +67,7 @@ def reduced_pressure(frame: Frame) -> float:
 
 
 @checked
-def reduced_pressures(file: File) -> ReducedPressures:
+def reduced_pressures(file: Recording) -> ReducedPressures:
     """p = P V/(N T) in the course of a run, as :func:`reduced_pressure`.
 
     Raises
@@ -87,7 +87,7 @@ def reduced_pressures(file: File) -> ReducedPressures:
 class _Rows:
     """Rows of the observables that the pressure needs, ``[S]`` each."""
 
-    def __init__(self, file: File) -> None:
+    def __init__(self, file: Recording) -> None:
         samples = file.samples
         if missing := [name for name in ("pressure", "temperature") if name not in samples]:
             raise MissingDataError(f"{file.path}: no samples of {', '.join(missing)}")

@@ -15,7 +15,8 @@ from ..files.layout import Array, computing
 from .checked import checked
 
 if TYPE_CHECKING:
-    from ..files.frames import Box, Frame
+    from ..files.box import Box
+    from ..files.frames import Frame
 
 __all__ = ["StaticStructure", "intensities", "lattice", "static_structure", "vectors"]
 

@@ -14,7 +14,7 @@ from .checked import checked
 
 if TYPE_CHECKING:
     from ..files.frames import Frame
-    from ..reader import File
+    from ..files.recording import Recording
 
 
 class Estimate(NamedTuple):
@@ -54,7 +54,7 @@ def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None
 
 
 @checked
-def drawn_frames(file: File, count: int, after: float = 5.0) -> list[Frame]:
+def drawn_frames(file: Recording, count: int, after: float = 5.0) -> list[Frame]:
     """Up to ``count`` frames spread over the file, without the first ``after`` collisions per particle.
 
     From the second half of the file if all of it is shorter than twice ``after``. A file that goes on from another run

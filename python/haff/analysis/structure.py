@@ -18,7 +18,8 @@ from .checked import checked
 from .scattering import intensities, lattice, vectors
 
 if TYPE_CHECKING:
-    from ..files.frames import Box, Frame
+    from ..files.box import Box
+    from ..files.frames import Frame
 
 
 @checked

@@ -19,7 +19,7 @@ from .statistics import Estimate, block_average
 if TYPE_CHECKING:
     import xarray
 
-    from ..reader import File
+    from ..files.recording import Recording
 
 
 class Transport(NamedTuple):
@@ -40,7 +40,7 @@ class Transport(NamedTuple):
 
 
 @checked
-def self_diffusion(file: File, start: float | None = None, end: float | None = None) -> Transport:
+def self_diffusion(file: Recording, start: float | None = None, end: float | None = None) -> Transport:
     """D [length²/time] of ``measure.msd`` and ``measure.vacf``: slope/2d of ⟨|Δr|²⟩, and ∫⟨v(t)·v(0)⟩dt/d.
 
     ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
@@ -64,7 +64,7 @@ def self_diffusion(file: File, start: float | None = None, end: float | None = N
 
 
 @checked
-def shear_viscosity(file: File, start: float | None = None, end: float | None = None) -> Transport:
+def shear_viscosity(file: Recording, start: float | None = None, end: float | None = None) -> Transport:
     """η [mass/(length^(d−2) time)] of ``measure.stress_correlation``.
 
     (V/2T) times the slope of ⟨(∫P_xy dt)²⟩, and (V/T) ∫⟨P_xy(t)P_xy(0)⟩dt, averaged over the independent components of
@@ -88,7 +88,7 @@ def shear_viscosity(file: File, start: float | None = None, end: float | None = 
 
 
 @checked
-def viscosity_scale(file: File) -> float:
+def viscosity_scale(file: Recording) -> float:
     """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples."""
     temperature = float(np.nanmean(file.samples["temperature"]))
     return float(file.box.volume) / temperature
@@ -114,7 +114,7 @@ class Rheology(NamedTuple):
 
 
 @checked
-def rheology(file: File, start: float | None = None) -> Rheology:
+def rheology(file: Recording, start: float | None = None) -> Rheology:
     """Viscosity and normal stress differences of a sheared run with ``measure.stress``, against time and in the mean.
 
     ``start``: the means are from there on [time]; default the second half of the file. Their errors are those of up to
@@ -166,7 +166,10 @@ def running_integral(correlation: xarray.Dataset | Mapping[str, Array]) -> tuple
 
 
 def _window(
-    file: File, mean_square: Mapping[str, Array], given: tuple[float | None, float | None], default: tuple[float, float]
+    file: Recording,
+    mean_square: Mapping[str, Array],
+    given: tuple[float | None, float | None],
+    default: tuple[float, float],
 ) -> tuple[float, float]:
     """The window of lags, at most up to the last one with an error."""
     lag, error = mean_square["lag"], mean_square["error"]

@@ -13,7 +13,7 @@ from ..errors import NotApplicableError
 from ..files.layout import Array
 
 if TYPE_CHECKING:
-    from ..files.frames import Box
+    from ..files.box import Box
 
 SLACK = 1e-9
 """Relative rounding of distances: searches reach farther by it."""

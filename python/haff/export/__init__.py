@@ -24,7 +24,7 @@ from ..text import brief, quoted
 from . import extxyz, gsd, tables, vtkhdf
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["FORMATS", "TABLES", "Format", "export"]
 
@@ -61,7 +61,7 @@ FORMATS = {
 
 
 def export(
-    file: File,
+    file: Recording,
     output: str | os.PathLike[str] | None = None,
     *,
     to: str | None = None,

@@ -10,11 +10,12 @@ import numpy as np
 from ..common.output import library
 from ..errors import NotApplicableError
 from ..files.extent import extent
-from ..files.frames import Frame, Frames, not_triangular
+from ..files.frames import Frame, Frames
+from ..files.header import not_triangular
 from ..text import escaped
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 _TILTS = {(1, 0): 0, (2, 0): 1, (2, 1): 2}
 """Where the tilt of an edge (row of the matrix) along an axis (column) stands among xy, xz, yz."""
@@ -95,7 +96,7 @@ def _leaning(
     return position, velocity, image
 
 
-def _moments(file: File) -> np.ndarray | None:
+def _moments(file: Recording) -> np.ndarray | None:
     """``[N, 3]`` moments of inertia about each axis, 0 about those of no rotation; ``None`` without spin."""
     if file.inertia is None:
         return None
@@ -104,7 +105,7 @@ def _moments(file: File) -> np.ndarray | None:
     return moment[:, None] * [1.0, 1.0, 1.0] if file.dimension == 3 else moment[:, None] * [0.0, 0.0, 1.0]
 
 
-def _shapes(file: File) -> list[dict[str, object]]:
+def _shapes(file: Recording) -> list[dict[str, object]]:
     """Shapes by species: GSD omits diameters that are all 1, and some readers do not apply that default."""
     shapes: list[dict[str, object]] = []
     for species in range(len(file.species_names)):

@@ -15,13 +15,13 @@ from ..files.selection import choose
 from ..text import cell
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 ROWS = 1_000_000
 """Rows that are in memory at once, about."""
 
 
-def _frames(file: File, frames: str | slice | int | None, unwrapped: bool) -> Iterator[pd.DataFrame]:
+def _frames(file: Recording, frames: str | slice | int | None, unwrapped: bool) -> Iterator[pd.DataFrame]:
     waiting: list[pd.DataFrame] = []
     for frame in choose(file, frames):
         table = frame.to_pandas(unwrapped)
@@ -35,11 +35,11 @@ def _frames(file: File, frames: str | slice | int | None, unwrapped: bool) -> It
         yield pd.concat(waiting, ignore_index=True)
 
 
-def _observables(file: File, *_: object) -> Iterator[pd.DataFrame]:
+def _observables(file: Recording, *_: object) -> Iterator[pd.DataFrame]:
     yield file.observables
 
 
-def _events(file: File, *_: object) -> Iterator[pd.DataFrame]:
+def _events(file: Recording, *_: object) -> Iterator[pd.DataFrame]:
     events = file.events
     if len(events) == 0:
         yield events[:0]
@@ -53,7 +53,7 @@ TABLES: dict[str, Callable[..., Iterator[pd.DataFrame]]] = {
 }
 
 
-def write_csv(pieces: Iterator[pd.DataFrame], path: Path, file: File) -> None:
+def write_csv(pieces: Iterator[pd.DataFrame], path: Path, file: Recording) -> None:
     """Writes a table as text, with a line of column names and all digits.
 
     A name that a spreadsheet would evaluate as a formula is prefixed with an apostrophe.
@@ -72,7 +72,7 @@ def _as_text(piece: pd.DataFrame) -> pd.DataFrame:
     return plain
 
 
-def write_parquet(pieces: Iterator[pd.DataFrame], path: Path, file: File) -> None:
+def write_parquet(pieces: Iterator[pd.DataFrame], path: Path, file: Recording) -> None:
     """Writes a table column by column; the file's metadata has ``haff.scene`` (TOML) and ``haff.box`` (JSON)."""
     pyarrow, parquet = library("pyarrow", "export"), library("pyarrow.parquet", "export")
     box = {"size": file.box.size.tolist(), "boundary": file.box.boundary, "dimension": file.dimension}

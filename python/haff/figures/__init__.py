@@ -26,7 +26,7 @@ from ..text import escaped, quoted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["FORMATS", "KINDS", "Kind", "Result", "draw", "plot", "save_all"]
 
@@ -41,7 +41,7 @@ SHOWN_DPI = 110
 def _from(module: str, function: str = "draw") -> Callable[..., Figure]:
     """A function of a module of this package, which is imported at the first call: few runs need all figures."""
 
-    def call(file: File, **options: Any) -> Figure:
+    def call(file: Recording, **options: Any) -> Figure:
         return getattr(import_module(f".{module}", __name__), function)(file, **options)
 
     return call
@@ -109,7 +109,7 @@ class Result(NamedTuple):
     """Why it was skipped."""
 
 
-def draw(file: File, kind: str, **options: object) -> Figure:
+def draw(file: Recording, kind: str, **options: object) -> Figure:
     """Draws one standard figure.
 
     Parameters
@@ -133,7 +133,7 @@ def draw(file: File, kind: str, **options: object) -> Figure:
     return figure
 
 
-def _drawn(file: File, kind: str, **options: object) -> Figure:
+def _drawn(file: Recording, kind: str, **options: object) -> Figure:
     """As :func:`draw`, but not laid out."""
     from .style import style
 
@@ -155,7 +155,7 @@ def check_picture(output: object, overwrite: object) -> Path | None:
 
 
 def plot(
-    file: File,
+    file: Recording,
     kind: str,
     output: str | os.PathLike[str] | None = None,
     *,
@@ -185,7 +185,7 @@ def _shown(figure: Figure) -> bytes:
 
 
 def save_all(
-    file: File,
+    file: Recording,
     kinds: Sequence[str],
     directory: Path,
     extension: str = "png",
@@ -214,7 +214,7 @@ def save_all(
     return results
 
 
-def _save(file: File, figure: Figure, kind: str, path: Path, overwrite: bool) -> None:
+def _save(file: Recording, figure: Figure, kind: str, path: Path, overwrite: bool) -> None:
     from .style import style
 
     with replacing(path, source=file.path, overwrite=overwrite) as part:

@@ -14,10 +14,10 @@ from .style import CYCLE, GREY, headline, label, number
 from .worked import worked
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """The characteristic quantity of the system against time with its closed form; below, their difference."""
     found = worked(file)
     if np.ptp(found.seen) == 0:

@@ -14,7 +14,7 @@ from .facts import facts
 from .style import BLUE, RED, headline, note
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 DISTANCE = 1.1
 """Linked are particles whose centers are closer than this many contact distances."""
@@ -24,7 +24,7 @@ MOST_PARTICLES = 300_000
 FEWEST = 30
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Share of the largest cluster and clusters per particle against time, and sizes in the last frame."""
     if len(file) < FEWEST:
         raise NotApplicableError(f"{len(file)} particles are too few for clusters")

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from .. import analysis
 from ..errors import NotApplicableError
 from ..files.frames import Frame
+from ..files.header import packing_fraction
 from ..files.layout import AXES, Array
-from ..files.scene import packing_fraction
 from .of_a_frame import chosen, clip, disks
 from .style import BLUE, ORANGE, headline, label, number, page
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ..analysis import ContactNetwork
-    from ..reader import File
+    from ..files.recording import Recording
 
 LEAST_PRESSURE = 10.0
 """Reduced pressure, P V/(N T), below which gaps say nothing about contacts."""
@@ -31,7 +31,7 @@ THICK = (0.5, 2.4)
 """Narrowest and widest line of a contact [points]."""
 
 
-def draw(file: File, index: int = -1, *, tolerance: float | None = None) -> Figure:
+def draw(file: Recording, index: int = -1, *, tolerance: float | None = None) -> Figure:
     """Contacts of one frame, the last by default. ``tolerance``: largest gap, by default that of the pressure."""
     frame, d = chosen(file, index), file.dimension
     box = frame.box
@@ -60,7 +60,7 @@ def draw(file: File, index: int = -1, *, tolerance: float | None = None) -> Figu
     return figure
 
 
-def _facts(file: File, frame: Frame, network: ContactNetwork, pressure: float | None) -> str:
+def _facts(file: Recording, frame: Frame, network: ContactNetwork, pressure: float | None) -> str:
     parts = [f"N = {len(file):,}", f"packing fraction {packing_fraction(file, frame.box):.5g}"]
     parts += [] if pressure is None else [f"PV/NT = {number(pressure, 3)}"]
     if network.backbone:

@@ -16,12 +16,12 @@ from .facts import facts
 from .style import BLUE, GREY, ORANGE, RED, headline, number
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 ROTATION = r"rotation, $T_\mathrm{rot}$"
 
 
-def draw(file: File, law: CoolingLaw) -> Figure:
+def draw(file: Recording, law: CoolingLaw) -> Figure:
     """T(t), log–log, with Haff's law of theory; below, their ratio. Shaded: times at which the law does not hold.
 
     In a file that goes on from another run, time and collisions count from its first sample.
@@ -94,7 +94,7 @@ def _ratio_axis(axes: Axes, low: float, high: float) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _remarks(file: File, law: CoolingLaw, fit: Fit | None) -> str | None:
+def _remarks(file: Recording, law: CoolingLaw, fit: Fit | None) -> str | None:
     """Whether the box is small enough for the gas to stay homogeneous, and until when the law holds."""
     found = []
     if np.isfinite(law.critical_length):

@@ -15,7 +15,7 @@ from .of_a_frame import chosen
 from .style import SPEED_MAP, headline, page
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 FEWEST = 30
 PER_CELL = {2: 4, 3: 12}
@@ -24,7 +24,7 @@ MOST_CELLS = 200
 """Cells along an axis."""
 
 
-def draw(file: File, index: int = -1) -> Figure:
+def draw(file: Recording, index: int = -1) -> Figure:
     """Packing fraction of one frame, the last by default; in three dimensions the mean along an axis, and a slice.
 
     The axis along which the view goes is the shortest one other than that of the height.
@@ -52,7 +52,7 @@ def draw(file: File, index: int = -1) -> Figure:
     return _drawn(file, frame.time, field, across, pictures)
 
 
-def _drawn(file: File, time: float, field: analysis.DensityField, across: list[int], pictures: list) -> Figure:
+def _drawn(file: Recording, time: float, field: analysis.DensityField, across: list[int], pictures: list) -> Figure:
     x, y = (field.edges[k] for k in across)
     width, height = page(float(np.ptp(x)), float(np.ptp(y)), beside=1.2, below=1.2)
     scale = 0.75 if len(pictures) > 1 else 1.0
@@ -84,7 +84,7 @@ def _extent(frame, d: int) -> np.ndarray:
     return found
 
 
-def _view(file: File) -> int:
+def _view(file: Recording) -> int:
     """The axis that the picture is taken along."""
     try:
         upright = analysis.height_axis(file)[0]

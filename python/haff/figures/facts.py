@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis.phases import phase_note
-from ..files.scene import law_name, packing_fraction, roughness
+from ..files.header import packing_fraction
+from ..files.scene import law_name, roughness
 from .style import label
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def facts(file: File) -> str:
+def facts(file: Recording) -> str:
     """One line that describes the gas."""
     parts = [f"N = {len(file):,}"]
     phi = packing_fraction(file)
@@ -28,13 +29,13 @@ def facts(file: File) -> str:
     return f"{label(file.title) + '  ·  ' if file.title else ''}{',  '.join(parts)}"
 
 
-def sampled(file: File, time: np.ndarray) -> str:
+def sampled(file: Recording, time: np.ndarray) -> str:
     """:func:`facts`, and whether the samples at these times are at one phase of an oscillation."""
     note = phase_note(file, time)
     return facts(file) + (f"  ·  samples {label(note)}" if note else "")
 
 
-def _restitutions(file: File) -> list[str]:
+def _restitutions(file: Recording) -> list[str]:
     """Restitution of the contacts that can happen: between particles, and with walls where it differs."""
 
     def name(law: object) -> str:

@@ -15,7 +15,7 @@ from .structure import times
 from .style import BLUE, CYCLE, GREY, RED, headline
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_FRAMES = 100
 MOST_PARTICLES = 4_000_000
@@ -23,7 +23,7 @@ MOST_PARTICLES = 4_000_000
 FEWEST = 30
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Means over the later half of the frames, with two standard errors of the frames as independent ones."""
     axis, _ = analysis.height_axis(file)
     if len(file) < FEWEST:

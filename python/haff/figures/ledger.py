@@ -15,13 +15,13 @@ from .facts import sampled
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 # Residuals below this are within the last bit of the sums and drawn on the lowest line.
 FLOOR = 1e-17
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Stacked energies against time with the line of E₀ + W on top; below, the residual of the ledger.
 
     E₀ is the energy at the first sample, and what was lost and given counts from there: a file of a run that went on
@@ -106,13 +106,15 @@ def floored_axis(axes: Axes, top: float) -> None:
     )
 
 
-def _log_time(t: np.ndarray, kinetic: np.ndarray, file: File) -> bool:
+def _log_time(t: np.ndarray, kinetic: np.ndarray, file: Recording) -> bool:
     """Logarithmic time for a gas whose cooling spans decades."""
     decades = len(t) > 3 and t[-1] > 50 * t[1]
     return decades and len(file) >= 100 and 0 < kinetic[-1] < 0.1 * kinetic[0]
 
 
-def _dissipated(file: File, t: np.ndarray, lost: np.ndarray, rest: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
+def _dissipated(
+    file: Recording, t: np.ndarray, lost: np.ndarray, rest: np.ndarray
+) -> list[tuple[str, str, np.ndarray]]:
     """Σ ΔT at the sample times, split into collisions and wall collisions if the event log allows it."""
     whole = [("dissipated in collisions", RED, lost), ("taken in putting to rest", GREEN, rest)]
     if "events" not in file or len(file.events) == 0:

@@ -16,7 +16,7 @@ from .facts import facts
 from .style import BLUE, GREEN, GREY, ORANGE, RED, headline, label, left_out
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 _COLORS = {"collision": BLUE, "wall": ORANGE, "rest": GREEN}
 _NAMES = {
@@ -30,7 +30,7 @@ _NAMES = {
 }
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Histogram of ΔT per kind of event; for a homogeneous gas also ΔT in units of (1 − e²)T against e^{-x}.
 
     Of rough contacts the second panel has the part of ΔT by the normal impulse. Where the exponential law does not
@@ -109,7 +109,7 @@ def _scaled_panel(axes, counts: np.ndarray, edges: np.ndarray, number: int, roug
     axes.legend(loc="upper right")
 
 
-def _unmet(file: File) -> str:
+def _unmet(file: Recording) -> str:
     """Why losses have not the exponential distribution in units of the temperature, or why these are not known."""
     if why := conditions.unmet(file, homogeneous.LOSSES):
         return why
@@ -130,7 +130,7 @@ def _temperature_at(time: np.ndarray, table) -> np.ndarray:
         return np.interp(time, table["time"], 1 / np.sqrt(T)) ** -2
 
 
-def _range(file: File) -> tuple[float, float, bool]:
+def _range(file: Recording) -> tuple[float, float, bool]:
     low, high = np.inf, 0.0
     for block in file.events.blocks(columns=("energy_loss",)):
         loss = block["energy_loss"]

@@ -22,7 +22,7 @@ from . import snapshot
 from .style import style
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["MOST", "save"]
 
@@ -33,7 +33,7 @@ PIXELS = 700
 
 
 def save(
-    file: File,
+    file: Recording,
     path: str | os.PathLike[str],
     *,
     frames: str | slice | int | None = None,
@@ -73,7 +73,7 @@ def save(
     return target
 
 
-def _pictures(file: File, frames: Frames, room: Extent) -> Iterator[np.ndarray]:
+def _pictures(file: Recording, frames: Frames, room: Extent) -> Iterator[np.ndarray]:
     """``[H, W, 3]`` pictures, of even height and width, as video codecs require."""
     for frame in frames:
         with style(), computing(file.path, "movie"):

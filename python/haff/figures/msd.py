@@ -17,10 +17,10 @@ from .facts import facts, sampled
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, number
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """⟨|Δr|²⟩ against lag with its slope, and the running coefficients of Einstein and of Green and Kubo below.
 
     Where there is no coefficient of self-diffusion (:func:`haff.analysis.self_diffusion`), ⟨|Δr|²⟩ alone and why.

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from ..files.frames import Frame
     from ..files.layout import Array
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def chosen(file: File, index: int) -> Frame:
+def chosen(file: Recording, index: int) -> Frame:
     """The frame of an index, from the end if it is negative."""
     frames = file.frames
     if len(frames) == 0:

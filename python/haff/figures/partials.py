@@ -15,7 +15,7 @@ from .structure import sample, sampled, times
 from .style import CYCLE, GREY, headline, label, left_out
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_PAIRS = 8e6
 MOST_SPECIES = 3
@@ -24,7 +24,7 @@ FEWEST = 10
 """Fewest particles of a species."""
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """g_ab(r) of each pair of species with the contact distance and, of homogeneous fluids, the value of theory there.
 
     Of inelastic particles that value is seen (1 + e)/2e times as large, as in the figure of one species.
@@ -68,7 +68,7 @@ def draw(file: File) -> Figure:
 _EQUATIONS = {2: "contact, Jenkins–Mancini", 3: "contact, BMCSL"}
 
 
-def _contact_values(file: File, counts: np.ndarray) -> dict[tuple[int, int], tuple[float, float]]:
+def _contact_values(file: Recording, counts: np.ndarray) -> dict[tuple[int, int], tuple[float, float]]:
     """Contact distance and value of each pair of species by theory; none unless each has one size."""
     sizes = [np.unique(file.radius[file.species == s]) for s in range(len(counts))]
     if any(len(size) > 1 for size in sizes):

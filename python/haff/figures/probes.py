@@ -12,10 +12,10 @@ from .facts import sampled
 from .style import headline, label
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """A panel for each column of a probe, with a line for each component."""
     columns = samples.of_probes(file)
     if not columns:

@@ -17,13 +17,13 @@ from .facts import facts
 from .style import BLUE, CYCLE, RED, SPEED_MAP, headline, label
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_ARROWS = 24
 """Arrows along an axis of a map."""
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Means over the later half of the rows: curves with two standard errors, or maps with arrows of the flow."""
     found = profile_rows(file)
     lines = [name for name in found if len(name) == 1]

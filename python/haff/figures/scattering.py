@@ -14,7 +14,7 @@ from .structure import times
 from .style import BLUE, GREY, headline, note
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_FRAMES = 20
 MOST_PHASES = 1e8
@@ -26,7 +26,7 @@ LARGEST = 15.0
 """Largest wave number drawn [1/mean diameter]."""
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """S(k) up to k σ = 15, with two standard errors."""
     d = file.dimension
     if not file.box.fully_periodic:

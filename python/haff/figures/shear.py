@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 from .. import analysis, theory
 from ..analysis import conditions
 from ..errors import NotApplicableError
-from ..files.frames import Shear
+from ..files.box import Shear
+from ..files.header import packing_fraction
 from ..files.layout import AXES
 from ..files.measure import Rows, profile_rows
-from ..files.scene import packing_fraction
 from .facts import facts
 from .profiles import curve, later_half
 from .style import BLUE, CYCLE, GREY, RED, headline, left_out, number
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_POINTS = 200
 """Points of a curve; of more samples each point is a mean of several."""
@@ -35,7 +35,7 @@ class _Steady(NamedTuple):
     """Over the pressure: along the flow, along the gradient, and the third."""
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Temperature, viscosity and normal stresses against strain; with a profile along the gradient the velocity.
 
     Dashed lines are the steady state by :func:`haff.theory.uniform_shear_enskog`, where its conditions
@@ -101,7 +101,7 @@ def draw(file: File) -> Figure:
     return figure
 
 
-def _theory(file: File, shear: Shear) -> tuple[_Steady | None, str]:
+def _theory(file: Recording, shear: Shear) -> tuple[_Steady | None, str]:
     """The steady state by Enskog's equation, or why there is none."""
     if why := conditions.unmet(file, conditions.SHEAR_FLOW):
         return None, why
@@ -129,7 +129,7 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return tuple(values[len(values) - kept :].reshape(-1, width).mean(axis=1) for values in (x, y))  # type: ignore
 
 
-def _profile(file: File, axis: str) -> Rows | None:
+def _profile(file: Recording, axis: str) -> Rows | None:
     """Later half of the rows of a profile along the gradient, if there is one."""
     profile = profile_rows(file).get(axis) if "profiles" in file else None
     return None if profile is None or len(profile.time) == 0 else later_half(profile)

@@ -20,14 +20,14 @@ from .render import Camera, spheres
 from .style import CYCLE, SPEED_MAP, headline, label, page
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 PIXELS = 1200
 
 View = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def draw(file: File, index: int = -1, *, room: Extent | None = None, pixels: int = PIXELS) -> Figure:
+def draw(file: Recording, index: int = -1, *, room: Extent | None = None, pixels: int = PIXELS) -> Figure:
     """One frame, the last by default, colored by speed (few bodies: by species).
 
     ``room`` is the region shown, by default the box, or along open axes the extent of this frame's particles.
@@ -78,7 +78,7 @@ def _colors(frame: Frame):
     return color, scale, r"speed  $|v|\,/\,\sqrt{T/\bar m}$"
 
 
-def _species_legend(file: File, axes) -> None:
+def _species_legend(file: Recording, axes) -> None:
     from matplotlib.lines import Line2D
 
     present = np.unique(file.species)[:8]

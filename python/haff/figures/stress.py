@@ -16,10 +16,10 @@ from .facts import facts
 from .style import BLACK, BLUE, CYCLE, GREEN, GREY, RED, headline, left_out, number
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Components of the pressure tensor; with ``measure.stress_correlation`` the running viscosity below.
 
     Fluctuations give the viscosity of an equilibrium only (:func:`haff.analysis.shear_viscosity`); elsewhere the figure
@@ -47,7 +47,7 @@ def draw(file: File) -> Figure:
     return figure
 
 
-def _components(file: File, axes) -> None:
+def _components(file: Recording, axes) -> None:
     table = {name: values[1:] for name, values in file.samples.items()}
     time = table["time"]
     letters = AXES[: file.dimension]
@@ -75,7 +75,7 @@ def _components(file: File, axes) -> None:
     axes.legend(ncols=5, loc="best")
 
 
-def _viscosity(file: File, axes) -> None:
+def _viscosity(file: Recording, axes) -> None:
     result = analysis.shear_viscosity(file)
     scale = analysis.viscosity_scale(file)
     found = correlation_columns(file)

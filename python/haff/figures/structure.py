@@ -12,12 +12,12 @@ from ..analysis import conditions, homogeneous
 from ..analysis.phases import phase_note
 from ..errors import NotApplicableError
 from ..files.frames import Frame
-from ..files.scene import packing_fraction
+from ..files.header import packing_fraction
 from .facts import facts
 from .style import BLUE, GREEN, GREY, RED, headline, label, left_out
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_FRAMES = 20
 MOST_PAIRS = 4e6
@@ -34,7 +34,7 @@ class Range(NamedTuple):
     bins: int
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """g(r) from contact on, with the contact value of theory for a homogeneous fluid of equal particles."""
     d, sizes = file.dimension, np.unique(2 * file.radius)
     frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
@@ -63,7 +63,7 @@ def draw(file: File) -> Figure:
     return figure
 
 
-def sampled(file: File, most_pairs: float) -> Range:
+def sampled(file: Recording, most_pairs: float) -> Range:
     """The frames and bins of a figure, for up to about ``most_pairs`` distances."""
     box, d = file.box, file.dimension
     if not box.fully_periodic:
@@ -87,7 +87,7 @@ def sampled(file: File, most_pairs: float) -> Range:
     return Range(frames, sigma, bins * sigma / per_sigma, bins)
 
 
-def sample(file: File, found: analysis.PairDistributions) -> str:
+def sample(file: Recording, found: analysis.PairDistributions) -> str:
     """What the distances are counted from, in words."""
     frames = f"{found.frames} frame{'s'[: found.frames != 1]}"
     each = found.centers // found.frames
@@ -101,7 +101,7 @@ def times(frames: list[Frame]) -> str:
     return span + (f", {label(note)}" if note else "")
 
 
-def _contact(file: File, axes, d: int, top: float) -> None:
+def _contact(file: Recording, axes, d: int, top: float) -> None:
     """Marks the contact values of theory; one above ``top``, of nearly plastic spheres, is in the legend only."""
     if why := conditions.unmet(file, homogeneous.CONTACT_VALUE):
         left_out(axes, "no contact value of theory", why, x=0.98, ha="right")

@@ -15,13 +15,13 @@ from .facts import sampled
 from .style import BLACK, BLUE, CYCLE, ORANGE, RED, headline, label, left_out, number, zoom
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 # Fewer bodies have no meaningful distribution of velocities.
 FEWEST = 30
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """T(t), log–log against Haff's law with the ratio below; for other gases T(t), and why there is no law.
 
     A gas heated by white noise has the temperature of its steady state by theory; with spin there is T_rot(t), too.
@@ -42,7 +42,7 @@ def draw(file: File) -> Figure:
     return _plain(file, "elastic: no cooling")
 
 
-def _heated(file: File) -> float | None:
+def _heated(file: Recording) -> float | None:
     """Temperature of the steady state by theory, if there is one."""
     try:
         T = analysis.heated_state(file).temperature
@@ -51,7 +51,7 @@ def _heated(file: File) -> float | None:
     return T if np.isfinite(T) and T > 0 else None
 
 
-def _plain(file: File, why: str, steady: float | None = None) -> Figure:
+def _plain(file: Recording, why: str, steady: float | None = None) -> Figure:
     table = file.samples
     t, T = table["time"], table["temperature"]
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")

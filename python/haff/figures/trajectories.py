@@ -15,7 +15,7 @@ from ..files.events import PAIRS
 from .style import BLACK, CYCLE, GREY, headline, label, page
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_BODIES = 24
 MOST_MARKS = 4000
@@ -46,7 +46,7 @@ class Path(NamedTuple):
     """``[E, 3]`` unwrapped centre at those events [length]"""
 
 
-def flights(file: File) -> list[Path]:
+def flights(file: Recording) -> list[Path]:
     """Paths of all bodies between frames, exact where the event log has every change of velocity: not those by drives.
 
     From each frame a body flies freely (a parabola under gravity) to its next event, takes up the impulse
@@ -151,7 +151,7 @@ def _arc(s: np.ndarray, step: float, x: np.ndarray, v: np.ndarray) -> np.ndarray
     return arc + (s**2 * (3 - 2 * s)) * x[1] + (s**2 * (s - 1)) * step * v[1]
 
 
-def _moving_axes(file: File, paths: list[Path]) -> list[int]:
+def _moving_axes(file: Recording, paths: list[Path]) -> list[int]:
     size = max(float(np.ptp(p.position, axis=0).max()) for p in paths)
     active = [k for k in range(3) if any(np.ptp(p.position[:, k]) > 1e-9 * max(size, 1e-300) for p in paths)]
     if not active or size == 0:
@@ -159,13 +159,13 @@ def _moving_axes(file: File, paths: list[Path]) -> list[int]:
     return active
 
 
-def body_name(file: File, body: int) -> str:
+def body_name(file: Recording, body: int) -> str:
     """Name of a body, with its row where several share one."""
     name = file.species_names[file.species[body]]
     return name if np.count_nonzero(file.species == file.species[body]) == 1 else f"{name} {body}"
 
 
-def _subtitle(file: File) -> str:
+def _subtitle(file: Recording) -> str:
     counts = file.summary
     hits = []
     for name in ("collisions", "wall_collisions"):
@@ -175,7 +175,7 @@ def _subtitle(file: File) -> str:
     return "  ·  ".join([s for s in (label(file.title), ", ".join(hits)) if s])
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Every coordinate that changes, against time, with a mark at each event."""
     paths = flights(file)
     active = _moving_axes(file, paths)
@@ -219,7 +219,7 @@ def draw(file: File) -> Figure:
     return figure
 
 
-def _clearance(file: File, active: list[int]) -> float | None:
+def _clearance(file: Recording, active: list[int]) -> float | None:
     """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
     floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
     at = experiment.vector(floors[0]["plane"]["point"])[2] if floors else 0.0
@@ -228,7 +228,7 @@ def _clearance(file: File, active: list[int]) -> float | None:
     return None
 
 
-def draw_paths(file: File) -> Figure:
+def draw_paths(file: Recording) -> Figure:
     """Paths in the plane of motion; bodies at the start (outline) and at the end (filled)."""
     paths = flights(file)
     active = _moving_axes(file, paths)

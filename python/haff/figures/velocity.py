@@ -17,12 +17,12 @@ from .structure import times
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, note, signed
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 MOST_FRAMES = 40
 
 
-def draw(file: File) -> Figure:
+def draw(file: Recording) -> Figure:
     """Density of one scaled velocity component, log scale, and its ratio to Maxwell's below.
 
     The Sonine correction of theory is that of the homogeneous cooling state, or of a gas heated by white noise, where
@@ -98,7 +98,7 @@ def draw(file: File) -> Figure:
     return figure
 
 
-def _theory(file: File) -> tuple[float | None, str]:
+def _theory(file: Recording) -> tuple[float | None, str]:
     """a₂ and the state that it is of; or ``None``, and why there is none, empty for elastic particles."""
     if conditions.restitution(file) == 1:
         return None, ""

@@ -16,7 +16,7 @@ from ..files.scene import shaped_walls
 from .trajectories import body_name
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from ..files.recording import Recording
 
 __all__ = ["Worked", "worked"]
 
@@ -45,7 +45,7 @@ class Worked(NamedTuple):
     """Why there is no closed form."""
 
 
-def worked(run: File) -> Worked:
+def worked(run: Recording) -> Worked:
     """The system of a run. Raises :class:`NotApplicableError` if it is none of the chapter's systems.
 
     There is a closed form where the conditions of :data:`.conditions.CLOSED_FORM` and those of the system hold.
@@ -56,7 +56,7 @@ def worked(run: File) -> Worked:
     return found
 
 
-def _system(run: File) -> Worked:
+def _system(run: Recording) -> Worked:
     if len(run) > 24:
         raise NotApplicableError(f"{len(run)} bodies: made for a few")
     if len(run.frames) < 2:
@@ -78,7 +78,7 @@ def _holds_until(law: Callable[[Array], Array], end: float) -> Callable[[Array],
     return lambda t: np.where(t <= end, law(t), np.nan)
 
 
-def _next_event(run: File, after: float, slow: float = 0.0) -> float:
+def _next_event(run: Recording, after: float, slow: float = 0.0) -> float:
     """Time of the first impact after ``after`` that is faster than ``slow``; infinite if none, or none was recorded."""
     if "events" not in run:
         return np.inf
@@ -90,7 +90,7 @@ def _next_event(run: File, after: float, slow: float = 0.0) -> float:
 # --- pendulums ----------------------------------------------------------------------------------------
 
 
-def _pendulums(run: File) -> Worked:
+def _pendulums(run: Recording) -> Worked:
     hangs = experiment.pendulums(run)
     bobs = sorted(hangs)
     pull = experiment.gravity(run)
@@ -115,7 +115,7 @@ def _pendulums(run: File) -> Worked:
     )  # fmt: skip
 
 
-def _pendulum_law(run: File, hangs: dict, bobs: list[int], start: Array, side: Array, g: float):
+def _pendulum_law(run: Recording, hangs: dict, bobs: list[int], start: Array, side: Array, g: float):
     lengths = [hangs[bob][1] for bob in bobs]
     length = lengths[0]
     if len(run) != len(bobs) or not np.allclose(lengths, length, rtol=CLOSE):
@@ -172,7 +172,7 @@ def _pendulum_law(run: File, hangs: dict, bobs: list[int], start: Array, side: A
 # --- springs ------------------------------------------------------------------------------------------
 
 
-def _springs(run: File) -> Worked:
+def _springs(run: Recording) -> Worked:
     x = run.frames.array("position")
     names = [run.species_names[s] for s in run.species]
     seen, labels, natural = [], [], []
@@ -195,7 +195,7 @@ def _springs(run: File) -> Worked:
                   levels, why)  # fmt: skip
 
 
-def _spring_law(run: File, names: list[str], natural: float):
+def _spring_law(run: Recording, names: list[str], natural: float):
     springs = run.scene["spring"]
     if len(run) != 3 or len(springs) != 1 or len(springs[0]["between"]) != 2 or np.any(experiment.gravity(run)):
         raise NotApplicableError("not the three bodies of Problem 2.4")
@@ -222,7 +222,7 @@ def _spring_law(run: File, names: list[str], natural: float):
 # --- rods ---------------------------------------------------------------------------------------------
 
 
-def _rods(run: File) -> Worked:
+def _rods(run: Recording) -> Worked:
     x = run.frames.array("position")
     names = [run.species_names[s] for s in run.species]
     flying = int(np.argmax(np.linalg.norm(run.frames[0].velocity, axis=1)))
@@ -248,7 +248,7 @@ def _rods(run: File) -> Worked:
                   in_degrees, levels, why)  # fmt: skip
 
 
-def _rod_law(run: File, names: list[str], flying: int, v: float, ahead: Array, theta: float):
+def _rod_law(run: Recording, names: list[str], flying: int, v: float, ahead: Array, theta: float):
     rods = run.scene["rod"]
     if len(run) != 3 or len(rods) != 1 or np.any(experiment.gravity(run)) or not v > 0:
         raise NotApplicableError("not the particle and rod of Sets 2.2 and 2.3")
@@ -281,7 +281,7 @@ def _rod_law(run: File, names: list[str], flying: int, v: float, ahead: Array, t
 # --- balls --------------------------------------------------------------------------------------------
 
 
-def _ball(run: File) -> Worked:
+def _ball(run: Recording) -> Worked:
     pull = experiment.gravity(run)
     g = float(np.linalg.norm(pull))
     below = [(wall, *experiment.plane(run, wall)) for wall in range(experiment.count_walls(run))]
@@ -311,7 +311,7 @@ def _ball(run: File) -> Worked:
                   levels, why)  # fmt: skip
 
 
-def _impact(run: File) -> Worked:
+def _impact(run: Recording) -> Worked:
     frames = run.frames
     start, w = frames[0].position, frames[0].velocity
     if len(run) == 2:

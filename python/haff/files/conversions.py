@@ -1,24 +1,33 @@
-"""Frames as the objects of other libraries: freud, pandas and MDAnalysis."""
+"""Frames as the objects of other libraries: freud and MDAnalysis."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ..common.output import library
-from .layout import AXES, Array
+from .layout import Array
 
 if TYPE_CHECKING:
     import freud
-    import pandas as pd
 
-    from ..reader import File
-    from .frames import Box, Frame
+    from .box import Box
 
-__all__ = ["Unwrapping", "frame_system", "frame_table", "freud_system"]
+__all__ = ["Placed", "Unwrapping", "frame_system", "freud_system"]
+
+
+class Placed(Protocol):
+    """Particles in a box: a :class:`haff.Frame`, or the like."""
+
+    @property
+    def box(self) -> Box: ...
+    @property
+    def position(self) -> Array: ...
+    @property
+    def radius(self) -> Array: ...
 
 
 def freud_system(box: Box, position: Array, edges: Array | None = None) -> tuple[freud.box.Box, Array]:
@@ -47,7 +56,7 @@ def freud_system(box: Box, position: Array, edges: Array | None = None) -> tuple
     return cell, cell.wrap(points[:, order])
 
 
-def frame_system(frame: Frame) -> tuple[freud.box.Box, Array]:
+def frame_system(frame: Placed) -> tuple[freud.box.Box, Array]:
     """A frame as a system of freud: see :meth:`haff.Frame.to_freud`."""
     box, d = frame.box, frame.box.dimension
     if box.fully_periodic:
@@ -65,30 +74,13 @@ def frame_system(frame: Frame) -> tuple[freud.box.Box, Array]:
     return freud_system(box, position, edges)
 
 
-def frame_table(frame: Frame, unwrapped: bool) -> pd.DataFrame:
-    """A frame as a table: see :meth:`haff.Frame.to_pandas`."""
-    import pandas as pd
-
-    names = frame.file.species_names
-    columns: dict[str, Any] = {"id": np.arange(len(frame.mass))}
-    columns["species"] = pd.Categorical(np.asarray(names)[frame.species], categories=list(dict.fromkeys(names)))
-    vectors = {"": frame.unwrapped if unwrapped else frame.position, "v": frame.velocity, "image_": frame.image}
-    if frame.angular_velocity is not None:
-        vectors["angular_velocity_"] = frame.angular_velocity
-    for name, values in vectors.items():
-        columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate(AXES)}
-    table = pd.DataFrame(columns | {"radius": frame.radius, "mass": frame.mass})
-    table.attrs = {"frame": frame.index, "time": frame.time, "step": frame.step}
-    return table
-
-
 class Unwrapping:
     """A transformation for trajectories of MDAnalysis: positions that do not jump at periodic faces.
 
     It has a file of its own, opened at first use, and again in other processes, which MDAnalysis sends it to.
     """
 
-    def __init__(self, path: Path, open_file: Callable[[Path], File]) -> None:
+    def __init__(self, path: Path, open_file: Callable[[Path], Any]) -> None:
         self.path, self._open = path.resolve(), open_file
         self._frames: Any = None
 

@@ -19,7 +19,7 @@ from .layout import Array, component
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..reader import File
+    from .header import Header
 
 __all__ = ["Events"]
 
@@ -51,7 +51,7 @@ class Events(ReadOnly):
     component. The equations of smooth impacts hold for ``impulse`` and ``energy_loss - tangential_loss``.
     """
 
-    def __init__(self, file: File) -> None:
+    def __init__(self, file: Header) -> None:
         self._file = file
         stored = file.stored
         found = stored.members("events")

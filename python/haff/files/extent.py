@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from .frames import Box, Frames
+    from .box import Box
+    from .frames import Frames
 
 
 class Extent(NamedTuple):

@@ -1,10 +1,10 @@
-"""The trajectory of a file: its frames, and the box they are in."""
+"""The trajectory of a file: its frames."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..common import arguments
 from ..common.notebook import table
 from ..common.readonly import ReadOnly
-from ..errors import ArgumentError, MissingDataError
-from ..text import quoted
+from ..errors import MissingDataError
 from . import conversions
+from .box import Box
 from .column import Column, complete
 from .layout import AXES, Array
 
@@ -22,142 +22,12 @@ if TYPE_CHECKING:
     import freud
     import pandas as pd
 
-    from ..reader import File
+    from .header import Header
 
-__all__ = ["Box", "Frame", "Frames", "Shear"]
+__all__ = ["Frame", "Frames"]
 
 _VECTORS = {"position": "f", "velocity": "f", "image": "iu", "angular_velocity": "f"}
 """What has a vector for each particle in a frame, and what NumPy calls the kind of its components."""
-
-
-class Shear(NamedTuple):
-    """Simple shear of a box that is periodic along all axes (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972)).
-
-    The mean velocity is ``rate`` times the coordinate along ``gradient``, and points along ``flow``.
-    """
-
-    flow: int
-    """Axis of the flow: 0, 1 or 2."""
-    gradient: int
-    """Axis along which the velocity of the flow grows; another one."""
-    rate: float
-    """Shear rate [1/time]."""
-
-
-class Box(ReadOnly):
-    """The simulation box [0, L) per axis.
-
-    In a sheared box the image across the upper face of the gradient axis is displaced along the flow, by at most half
-    an edge: the edge vector along the gradient has that component along the flow. It changes with time. Positions are
-    within [0, L) all the same.
-
-    Attributes
-    ----------
-    size : ``[3]`` edge lengths L [length], of a sheared box those along the axes; a placeholder along open axes
-    boundary : per axis ``"periodic"``, ``"wall"`` or ``"open"``
-    dimension : 2 or 3
-    edges : ``[3, 3]`` edge vectors, one a row [length]
-    displacement : gradient axis, flow axis and displacement [length] of the images of a sheared box; else ``None``
-    """
-
-    _why = "cannot be changed: a run keeps the box of its scene (domain)"
-
-    def __init__(
-        self, size: Array, boundary: Sequence[str], dimension: int, displacement: tuple[int, int, float] | None = None
-    ) -> None:
-        lengths = np.array(arguments.shaped("size", size, [3], "three edges"))
-        if np.ndim(size) != 1 or not (lengths > 0).all() or not np.isfinite(lengths).all():
-            raise ArgumentError(f"size = {quoted(size)}: must be three positive numbers")
-        sides = tuple(arguments.names("boundary", boundary))
-        if len(sides) != 3 or not set(sides) <= {"periodic", "wall", "open", "none"}:
-            raise ArgumentError(f"boundary = {quoted(boundary)}: must be three of periodic, wall, open")
-        edges = np.diag(lengths)
-        if displacement is not None:
-            gradient, flow, length = _displaced(displacement)
-            edges[gradient, flow] = length
-            displacement = gradient, flow, length
-        for array in (lengths, edges):
-            array.flags.writeable = False
-        self.size, self.boundary, self.edges, self.displacement = lengths, sides, edges, displacement
-        self.dimension = arguments.count("dimension", dimension, 2, 3)
-        self._made = True
-
-    @property
-    def widths(self) -> NDArray[np.float64]:
-        """``[3]`` distances of opposite faces [length]; those of a sheared box are closer along the flow."""
-        widths = self.size.copy()
-        if self.displacement is not None:
-            gradient, flow, length = self.displacement
-            widths[flow] /= np.hypot(1.0, length / self.size[gradient])
-        return widths
-
-    def unwrap(self, position: Array, image: Array) -> NDArray[np.float64]:
-        """Positions that do not jump at periodic faces: position + Σ image · edge vector [length]; ``[..., 3]``."""
-        position, image = _triples("position", position), _triples("image", image)
-        found = position + image * np.where(self.periodic, self.size, 0.0)
-        if self.displacement is not None:
-            gradient, flow, length = self.displacement
-            found[..., flow] += image[..., gradient] * length
-        return found
-
-    def nearest(self, apart: Array) -> NDArray[np.float64]:
-        """The nearest images of differences of positions, ``[..., 3]`` [length].
-
-        In a sheared box this holds for images that are less than half an edge away along the gradient.
-        """
-        found = np.array(_triples("apart", apart))
-        if self.displacement is not None:
-            gradient, flow, length = self.displacement
-            found[..., flow] -= np.round(found[..., gradient] / self.size[gradient]) * length
-        sides = np.where(self.periodic, self.size, 1.0)
-        return found - np.where(self.periodic, np.round(found / sides) * sides, 0.0)
-
-    @property
-    def periodic(self) -> NDArray[np.bool_]:
-        """``[3]``, true where the axis is periodic."""
-        return np.array([b == "periodic" for b in self.boundary])
-
-    @property
-    def fully_periodic(self) -> bool:
-        """Whether every axis that particles move along is periodic."""
-        return bool(self.periodic[: self.dimension].all())
-
-    @property
-    def volume(self) -> float:
-        """Volume [length³], or area [length²] in 2D."""
-        return float(np.prod(self.size[: self.dimension]))
-
-    def __repr__(self) -> str:
-        sides = " × ".join(f"{s:g} ({b})" for s, b in zip(self.size[: self.dimension], self.boundary))
-        if self.displacement is None:
-            return f"Box({self.dimension}D, {sides})"
-        gradient, flow, length = self.displacement
-        return f"Box({self.dimension}D, {sides}, {AXES[gradient]} edge displaced along {AXES[flow]} by {length:g})"
-
-
-def _triples(name: str, value: object) -> Array:
-    """Vectors ``[..., 3]``."""
-    array = arguments.reals(name, value)
-    if array.ndim == 0 or array.shape[-1] != 3:
-        raise ArgumentError(f"{name} = {quoted(value)}, of shape {array.shape}: must be [..., 3]")
-    return array
-
-
-def _displaced(displacement: object) -> tuple[int, int, float]:
-    """Gradient axis, flow axis and displacement of a sheared box."""
-    allowed = "must be two different axes from 0 to 2 and a length"
-    try:
-        gradient, flow, length = displacement  # type: ignore[misc]
-        found = (
-            arguments.count("displacement[0]", gradient, 0, 2),
-            arguments.count("displacement[1]", flow, 0, 2),
-            arguments.number("displacement[2]", length),
-        )
-    except Exception:
-        raise ArgumentError(f"displacement = {quoted(displacement)}: {allowed}") from None
-    if gradient == flow:
-        raise ArgumentError(f"displacement = {quoted(displacement)}: {allowed}")
-    return found
 
 
 class Frame(ReadOnly):
@@ -175,7 +45,7 @@ class Frame(ReadOnly):
         return Frame, (self._frames, self._row)
 
     @property
-    def file(self) -> File:
+    def file(self) -> Header:
         """The file that this frame belongs to."""
         return self._frames._file
 
@@ -306,7 +176,7 @@ class Frame(ReadOnly):
         ``unwrapped``: positions that do not jump at periodic faces. Raises :class:`ArgumentError` unless it is true or
         false.
         """
-        return conversions.frame_table(self, arguments.flag("unwrapped", unwrapped))
+        return _table(self, arguments.flag("unwrapped", unwrapped))
 
     def _read(self, name: str) -> Array:
         return self._frames._values(name, range(self._row, self._row + 1))[0]
@@ -323,7 +193,7 @@ class Frame(ReadOnly):
 class Frames(ReadOnly, Sequence["Frame"]):
     """The trajectory: a lazy sequence of :class:`Frame`. Slices are sequences too."""
 
-    def __init__(self, file: File, rows: range | None = None) -> None:
+    def __init__(self, file: Header, rows: range | None = None) -> None:
         self._file = file
         stored, base = file.stored, "particles/all"
         if stored.find(f"{base}/position") is None:
@@ -349,7 +219,7 @@ class Frames(ReadOnly, Sequence["Frame"]):
         return Frames, (self._file, self._rows)
 
     @property
-    def file(self) -> File:
+    def file(self) -> Header:
         """The file that the frames belong to."""
         return self._file
 
@@ -451,9 +321,18 @@ def _take(column: Column, rows: range) -> Array:
     return column[low : high + 1][np.array(rows) - low]
 
 
-def not_triangular(file: File) -> str | None:
-    """Why programs whose box vectors are (a, 0, 0), (b, c, 0), (d, e, f) cannot hold a box; ``None`` if they can."""
-    if file.shear is None or file.shear.flow < file.shear.gradient:
-        return None
-    flow, gradient = AXES[file.shear.flow], AXES[file.shear.gradient]
-    return f"its {gradient} edge leans along {flow}; an edge can lean along axes before its own only"
+def _table(frame: Frame, unwrapped: bool) -> pd.DataFrame:
+    """A frame as a table: see :meth:`haff.Frame.to_pandas`."""
+    import pandas as pd
+
+    names = frame.file.species_names
+    columns: dict[str, Any] = {"id": np.arange(len(frame.mass))}
+    columns["species"] = pd.Categorical(np.asarray(names)[frame.species], categories=list(dict.fromkeys(names)))
+    vectors = {"": frame.unwrapped if unwrapped else frame.position, "v": frame.velocity, "image_": frame.image}
+    if frame.angular_velocity is not None:
+        vectors["angular_velocity_"] = frame.angular_velocity
+    for name, values in vectors.items():
+        columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate(AXES)}
+    table = pd.DataFrame(columns | {"radius": frame.radius, "mass": frame.mass})
+    table.attrs = {"frame": frame.index, "time": frame.time, "step": frame.step}
+    return table

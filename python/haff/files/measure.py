@@ -14,7 +14,7 @@ from .layout import AXES, Array
 if TYPE_CHECKING:
     import xarray
 
-    from ..reader import File
+    from .header import Header
 
 _FIELDS = {
     "density": ("number density", "1/length^d", 0),
@@ -44,12 +44,12 @@ class Rows(NamedTuple):
     """``[R, cells…]`` by name, with the axes of vectors and tensors last."""
 
 
-def profiles(file: File) -> dict[str, xarray.Dataset]:
+def profiles(file: Header) -> dict[str, xarray.Dataset]:
     """All profiles of a file, by the letters of their axes; see :attr:`haff.File.profiles`."""
     return {name: profile(*rows) for name, rows in profile_rows(file).items()}
 
 
-def profile_rows(file: File) -> dict[str, Rows]:
+def profile_rows(file: Header) -> dict[str, Rows]:
     """As :func:`profiles`, but arrays, which need no xarray."""
     stored, found = file.stored, {}
     for name in stored.members("profiles"):
@@ -102,12 +102,12 @@ def profile(time: Array, centers: Mapping[str, Array], fields: Mapping[str, Arra
     return xarray.Dataset(variables, coords)
 
 
-def correlations(file: File) -> dict[str, xarray.Dataset]:
+def correlations(file: Header) -> dict[str, xarray.Dataset]:
     """All correlations of a file, by name; see :attr:`haff.File.correlations`."""
     return {name: correlation(name, columns) for name, columns in correlation_columns(file).items()}
 
 
-def correlation_columns(file: File) -> dict[str, dict[str, Array]]:
+def correlation_columns(file: Header) -> dict[str, dict[str, Array]]:
     """As :func:`correlations`, but arrays ``lag``, ``value``, ``error`` and ``count``, which need no xarray."""
     stored, found = file.stored, {}
     for name in stored.members("correlations"):

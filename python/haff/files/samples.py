@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray
 
-    from ..reader import File
+    from .header import Header
 
 _TAKEN = ("time", "step", "axis", "species")
 _COUNTS = ("collisions", "wall_collisions")
@@ -29,7 +29,7 @@ _WIDEST = 16
 """Components of an observable that is neither a vector nor one number a species."""
 
 
-def names(file: File) -> list[str]:
+def names(file: Header) -> list[str]:
     """Names of the observables. Raises :class:`MissingDataError` if there are none."""
     stored = file.stored
     groups = [n for n in stored.members("observables") if stored.is_group(f"observables/{n}")]
@@ -39,7 +39,7 @@ def names(file: File) -> list[str]:
     return found
 
 
-def balance(file: File) -> dict[str, tuple[str, float]]:
+def balance(file: Header) -> dict[str, tuple[str, float]]:
     """Terms of the balance of energies beside T, that of rotation, V and the losses: label and sign by name.
 
     The sign is 1 for energy given to the particles and -1 for energy taken. Empty without observables.
@@ -59,7 +59,7 @@ def balance(file: File) -> dict[str, tuple[str, float]]:
     return terms
 
 
-def columns(file: File) -> tuple[Column, Column, dict[str, Column]]:
+def columns(file: Header) -> tuple[Column, Column, dict[str, Column]]:
     """Time, step and values, by name; reads only the data needed to check that all have the same times."""
     stored, found = file.stored, {}
     wide = {3, len(file.species_names), len(file.wall_names), *range(1, _WIDEST + 1)}
@@ -88,7 +88,7 @@ def columns(file: File) -> tuple[Column, Column, dict[str, Column]]:
     return *clock, found
 
 
-def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
+def arrays(file: Header) -> tuple[Array, Array, dict[str, Array]]:
     """Time, step and values, by name, of the samples that are complete."""
     time, step, found = columns(file)
     length = complete(time, min(map(len, (time, step, *found.values()))))
@@ -102,13 +102,13 @@ def arrays(file: File) -> tuple[Array, Array, dict[str, Array]]:
     return when, count, values
 
 
-def count(file: File) -> int:
+def count(file: Header) -> int:
     """Number of complete samples; reads only times."""
     time, step, found = columns(file)
     return complete(time, min(map(len, (time, step, *found.values()))))
 
 
-def by_name(file: File) -> dict[str, Array]:
+def by_name(file: Header) -> dict[str, Array]:
     """One array ``[S]`` per component, by name; see :attr:`haff.File.samples`."""
     time, step, values = arrays(file)
     columns: dict[str, Array] = {"time": time, "step": step}
@@ -124,7 +124,7 @@ def by_name(file: File) -> dict[str, Array]:
     return columns
 
 
-def of_probes(file: File) -> list[tuple[str, str, list[str]]]:
+def of_probes(file: Header) -> list[tuple[str, str, list[str]]]:
     """Columns of probes of other crates, in their order: name, unit and names in :func:`samples`."""
     stored, found = file.stored, []
     if "observables" not in file:
@@ -139,14 +139,14 @@ def of_probes(file: File) -> list[tuple[str, str, list[str]]]:
     return [(name, unit, parts) for _, name, unit, parts in sorted(found)]
 
 
-def table(file: File) -> pd.DataFrame:
+def table(samples: dict[str, Array]) -> pd.DataFrame:
     """One row per sample, one column per component; see :attr:`haff.File.observables`."""
     import pandas as pd
 
-    return pd.DataFrame(file.samples)
+    return pd.DataFrame(samples)
 
 
-def dataset(file: File) -> xarray.Dataset:
+def dataset(file: Header) -> xarray.Dataset:
     """The samples with vectors kept whole; see :meth:`haff.File.to_xarray`."""
     import xarray
 
@@ -165,7 +165,7 @@ def dataset(file: File) -> xarray.Dataset:
         return xarray.Dataset(variables, coords, attrs={"title": file.title, "file": str(file.path)})
 
 
-def _labels(file: File, name: str, shape: tuple[int, ...]) -> list[list[str]]:
+def _labels(file: Header, name: str, shape: tuple[int, ...]) -> list[list[str]]:
     """Names of the components along each axis of a value."""
     labels = []
     for axis, width in enumerate(shape):
@@ -180,7 +180,7 @@ def _labels(file: File, name: str, shape: tuple[int, ...]) -> list[list[str]]:
     return labels
 
 
-def _dimension(file: File, name: str, labels: list[str]) -> str:
+def _dimension(file: Header, name: str, labels: list[str]) -> str:
     if labels is file.species_names:
         return "species"
     if labels is file.wall_names:

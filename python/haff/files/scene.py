@@ -6,9 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from ..common.compiled import schema
 from ..text import brief
@@ -18,10 +16,6 @@ try:
     import tomllib
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
-
-if TYPE_CHECKING:
-    from ..reader import File
-    from .frames import Box
 
 __all__ = [
     "SceneFault",
@@ -228,16 +222,3 @@ def _plural(definition: dict[str, Any]) -> str:
     if "$ref" in definition:
         definition = _schema()["$defs"][definition["$ref"].rsplit("/", 1)[-1]]
     return {"number": "numbers", "string": "names", "object": "tables"}.get(definition.get("type", ""), "values")
-
-
-def packing_fraction(file: File, box: Box | None = None) -> float:
-    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder.
-
-    ``box`` is that of a frame, where the box is compressed; by default that of the first frame.
-    """
-    box = file.box if box is None else box
-    if "open" in box.boundary[: file.dimension]:
-        return float("nan")
-    d, r = file.dimension, file.radius
-    volume = np.sum(4 / 3 * np.pi * r**3) if d == 3 else np.sum(np.pi * r**2)
-    return float(volume / box.volume)

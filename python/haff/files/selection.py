@@ -14,7 +14,7 @@ from ..text import quoted
 from .frames import Frames
 
 if TYPE_CHECKING:
-    from ..reader import File
+    from .recording import Recording
 
 _FORM = re.compile(r"\s*(-?\d*)\s*(:\s*(-?\d*)\s*(:\s*(\d*)\s*)?)?")
 
@@ -34,7 +34,7 @@ def parse(text: str) -> slice:
     return slice(start, stop, step)
 
 
-def choose(file: File, frames: str | slice | int | None) -> Frames:
+def choose(file: Recording, frames: str | slice | int | None) -> Frames:
     """The frames chosen, at least one; all if ``frames`` is ``None``."""
     if frames is None:
         chosen = slice(None)

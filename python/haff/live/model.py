@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.frames import Box, Shear
+from ..files.box import Box, Shear
 from ..files.layout import AXES
 from ..files.scene import parsed
 
