@@ -1,8 +1,4 @@
-"""Hooks of the site (mkdocs.yml): the reference pages are written by the command itself whenever the site is built, and
-files of the repository that pages link to come along.
-
-The command is `$HAFF`, or the one of the environment that builds the site.
-"""
+"""Hooks of the site (mkdocs.yml): files of the repository that pages link to come along."""
 
 from __future__ import annotations
 
@@ -11,7 +7,6 @@ import re
 from pathlib import Path
 
 from mkdocs.structure.files import File, InclusionLevel
-from reference import command_reference, scene_reference
 
 ROOT = Path(__file__).resolve().parents[1]
 # Where files from outside of docs/ stand on the site.
@@ -20,9 +15,7 @@ LINK = re.compile(r"(!?\[(?P<text>[^\]]*)\])\((?P<target>[^)\s#:]+)(?P<rest>#[^)
 
 
 def on_files(files, config):
-    """Adds the generated pages, and whatever the pages link to outside of docs/."""
-    for path, text in {"reference/scene.md": scene_reference(), "reference/command.md": command_reference()}.items():
-        files.append(File.generated(config, path, content=text))
+    """Adds whatever the pages link to outside of docs/."""
     in_nav = set(named_in(config.nav))
     # A new page has a place, even before it is named in mkdocs.yml.
     if more := [file.src_uri for file in files.documentation_pages() if file.src_uri not in in_nav]:

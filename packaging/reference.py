@@ -1,12 +1,21 @@
-"""Reference pages, as Markdown, from the output of `haff schema` and `--help`."""
+"""Reference pages, as Markdown, from the output of `haff schema` and `--help`: docs/reference/.
+
+    python packaging/reference.py      # writes them; the command is `$HAFF`, or the one of the environment
+
+They are in the repository, so that links to them lead somewhere there, too; a test compares them with the command.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
+from pathlib import Path
 
 from haff.command.call import executable
+
+PAGES = Path(__file__).resolve().parents[1] / "docs" / "reference"
 
 # The order of a scene file; other sections follow.
 SECTIONS = ("domain", "species", "initial", "particle", "contact", "wall", "pendulum", "spring", "rod", "engine", "run")
@@ -14,7 +23,9 @@ SECTIONS = ("domain", "species", "initial", "particle", "contact", "wall", "pend
 
 def output(*arguments):
     """Standard output of a call of the command."""
-    done = subprocess.run([executable(), *arguments], capture_output=True, text=True, check=True)
+    # Lines of help have one width on every terminal.
+    environment = {**os.environ, "COLUMNS": "100"}
+    done = subprocess.run([executable(), *arguments], capture_output=True, text=True, check=True, env=environment)
     return done.stdout
 
 
@@ -134,3 +145,13 @@ def command_reference():
 
 def block(text):
     return f"```text\n{text.rstrip()}\n```"
+
+
+def pages():
+    """The text of each page, by its name."""
+    return {"scene.md": scene_reference(), "command.md": command_reference()}
+
+
+if __name__ == "__main__":
+    for name, text in pages().items():
+        (PAGES / name).write_text(text, encoding="utf-8")

@@ -4,6 +4,7 @@
 `python` blocks share their names within a page. `text` and blocks after `<!-- not run: why -->` are skipped.
 """
 
+import importlib
 import io
 import json
 import os
@@ -95,6 +96,17 @@ def test_cells_of_the_notebook_run(notebook, tmp_path, monkeypatch):
         ]
         assert lines[0] == lines[1], f"{notebook.name}:{number} must be run again"
     assert cells
+
+
+def test_reference_pages_are_those_of_the_command(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "packaging")
+    reference = importlib.import_module("reference")
+    monkeypatch.setenv("HAFF", str(executable()))
+    pages = reference.pages()
+    assert {page.name for page in reference.PAGES.glob("*.md")} == {*pages, "python.md"}
+    for name, text in pages.items():
+        page = reference.PAGES / name
+        assert page.read_text(encoding="utf-8") == text, f"{page}: `python packaging/reference.py` writes it again"
 
 
 def test_code_blocks_are_found():
