@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .command.packings import pack
     from .command.plotting import plot
     from .command.runs import Result, resume, run
+    from .command.study import open_study
     from .command.sweeps import sweep
     from .errors import (
         ArgumentError,
@@ -81,6 +82,7 @@ __all__ = [
     "mechanics",
     "open",
     "open_packing",
+    "open_study",
     "pack",
     "plot",
     "restitution_from",
@@ -121,6 +123,7 @@ _HOME = {
     "command.runs": ("Result", "resume", "run"),
     "scenes": ("load_scene", "save_scene", "schema", "template", "templates", "validate"),
     "live.simulation": ("Simulation",),
+    "command.study": ("open_study",),
     "command.sweeps": ("sweep",),
     "viewer": ("view",),
 }

@@ -394,6 +394,16 @@ def runs(table: Table, folder: Path, done: Path) -> None:
         threads=(1, no_threads),
         retries=(0, without(NO_COUNT)),
         dims=("names", NO_NAME),
+        measure=(len, without(NO_FUNCTION, "none")),
+    )
+    table.add(
+        "open_study",
+        haff.open_study,
+        {"folder": "folder|study", "series": "series|observable"},
+        folder=(folder / "study", NO_PATH | {"no study": "."}),
+        series=((), NO_NAMES),
+        measure=(len, without(NO_FUNCTION, "none")),
+        dims=("names", NO_NAME),
     )
     sources = {
         **without(NO_FILE, "dict", "list"),

@@ -134,6 +134,66 @@ def test_dataset_includes_requested_series(tmp_path):
     assert np.isnan(series[0, 0, -1]) and series[0, 0, 0] == pytest.approx(1.0)
 
 
+def temperature(run: haff.File) -> float:
+    return run.samples["temperature"][-1]
+
+
+def test_files_are_measured_with_errors_and_a_study_opens_without_its_values(tmp_path):
+    values = {"contact.restitution": [0.8, 0.9], "domain.boundary": [["periodic"] * 3, ["wall"] * 3]}
+    study = haff.sweep(GAS, values, seeds=3, output=tmp_path, measure=temperature, run__until=2.0, title="a study")
+    assert study["temperature"].dims == ("restitution", "boundary", "seed") and study["temperature_mean"].ndim == 2
+    first = study["temperature"].values[1, 0]
+    for found, path in zip(first, study["file"].values[1, 0]):
+        assert Path(path).is_absolute()
+        with haff.open(path) as run:
+            assert found == temperature(run) and run.title == "a study"
+    assert study["temperature_mean"].values[1, 0] == pytest.approx(first.mean(), rel=1e-12)
+    assert study["temperature_error"].values[1, 0] == pytest.approx(first.std(ddof=1) / 3**0.5, rel=1e-12)
+    assert study["until"].item() == 2.0 and study["until"].attrs["key"] == "run.until"
+
+    opened = haff.open_study(tmp_path, measure=temperature)
+    xarray.testing.assert_identical(opened, study)
+    # What is not complete is left out.
+    Path(study["file"].values[0, 0, 1]).unlink()
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    manifest["runs"][1] |= {"status": "missing"}
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    opened = haff.open_study(tmp_path, measure=lambda run: {"atoms": len(run), "t": temperature(run)}, dims="keys")
+    assert opened["atoms"].dims == ("contact.restitution", "domain.boundary", "seed")
+    assert np.isnan(opened["atoms"].values).sum() == 1 and np.isfinite(opened["t_mean"]).all()
+    assert opened["t_error"].values[0, 0] == pytest.approx(np.ptp(study["temperature"].values[0, 0, ::2]) / 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{", "is not a manifest of haff sweep"),
+        ("[]", "is not a manifest of this version"),
+        ('{"manifest": 2}', "is not a manifest of this version"),
+        ('{"manifest": 1, "runs": [], "set": ["a=1"], "seeds": 1}', "not those of its values"),
+        ('{"manifest": 1, "runs": [{"parameters": {"a": 1}}], "set": ["a=1"], "seeds": 2}', "not those of its values"),
+        ('{"manifest": 1, "runs": [{"parameters": 5}], "set": ["a=1"], "seeds": 1}', "not those of its values"),
+    ],
+)
+def test_a_damaged_study_is_an_error(tmp_path, text, told):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(haff.FileError, match=told):
+        haff.open_study(tmp_path)
+
+
+def test_a_measure_that_is_no_number_or_takes_a_name_is_refused(tmp_path):
+    haff.sweep(GAS, {"run.until": [1.0]}, output=tmp_path)
+    for measure, told in [
+        (lambda run: "hot", "measure gives 'hot' for .*run-0000.h5: must be a number"),
+        (lambda run: {"a b": 1.0}, "whose keys are names"),
+        (lambda run: {"collisions": 1.0}, "'collisions': another variable"),
+    ]:
+        with pytest.raises(haff.ArgumentError, match=told):
+            haff.open_study(tmp_path, measure=measure)
+    with pytest.raises(haff.ArgumentError, match=r"run\.until: is among the values"):
+        haff.sweep(GAS, {"run.until": [1.0]}, output=tmp_path, run__until=2.0)
+
+
 def test_scene_can_be_a_mapping_and_failures_are_reported(tmp_path):
     import tomllib
 

@@ -9,35 +9,28 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
-import keyword
 import os
-import re
 import time
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..common import arguments
 from ..common.compiled import compiled
 from ..common.output import library
 from ..common.words import warn
-from ..errors import ArgumentError, FileError, MissingDataError
-from ..scenes import Scene, briefly, scene_path, scene_text
-from ..text import brief, escaped, quoted
+from ..errors import ArgumentError, FileError
+from ..scenes import Scene, briefly, scene_path, scene_text, settings
+from ..scenes.keywords import dotted
+from ..text import escaped, quoted
 from .call import call, failure, is_failure
+from .study import Measure, Table
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = ["sweep"]
-
-# Totals that are text; all others are numbers.
-_TEXTS = ("status", "stopped", "state_hash", "file", "error")
-# Names that no dimension can have, beside those of variables: arguments of xarray's sel, and other coordinates.
-_TAKEN = ("run_seed", "seed", "time", "indexers", "method", "tolerance", "drop")
 
 
 def sweep(
@@ -52,6 +45,8 @@ def sweep(
     threads: int | None = None,
     retries: int = 3,
     dims: str = "names",
+    measure: Measure | None = None,
+    **overrides: Any,
 ) -> xarray.Dataset:
     """Run a scene for every combination of values, and return the totals of all runs.
 
@@ -87,12 +82,20 @@ def sweep(
         key, or more of it where other keys end so or the name is taken: ``species.grain.count`` and
         ``species.ball.count`` become ``grain_count`` and ``ball_count``. The attribute ``key`` of the coordinate is
         the key.
+    measure
+        A function of an open file (:class:`haff.File`) that returns a number, or a dict of numbers. They become
+        variables, called as the function or the keys of the dict, NaN where a run is not complete; ``NAME_mean`` and
+        ``NAME_error`` are the mean over the seeds and its standard error, NaN for a single seed.
+    overrides
+        Keys of the scene with one value, two underscores for the dot: ``run__until=50``. They are coordinates
+        without a dimension.
 
     Returns
     -------
     xarray.Dataset
         A dimension for each key, and ``seed``, the number of the run from 0. Variables are the totals of
-        :attr:`Result.report`, ``status``, ``error``, ``file`` and ``run_seed``.
+        :attr:`Result.report`, ``status``, ``error``, ``file`` (an absolute path) and ``run_seed``. :func:`open_study`
+        opens the same again.
 
     Raises
     ------
@@ -110,9 +113,11 @@ def sweep(
     >>> values = {"contact.restitution": [0.8, 0.9]}
     >>> study = haff.sweep(gas, values, seeds=4, output="study")                                # doctest: +SKIP
     >>> study.dissipated_energy.sel(restitution=0.8).mean("seed")                               # doctest: +SKIP
+    >>> def temperature(run):                                                                   # doctest: +SKIP
+    ...     return run.samples["temperature"][-1]
+    >>> study = haff.sweep(gas, values, seeds=4, output="study", measure=temperature)           # doctest: +SKIP
+    >>> study.temperature_mean, study.temperature_error                                         # doctest: +SKIP
     """
-    arguments.choice("dims", dims, ("keys", "names"))
-    series = arguments.names("series", series)
     retries = arguments.count("retries", retries, 0)
     numbers = {"seeds": (seeds, 1_000_000), "jobs": (jobs, 1024), "threads": (threads, 1024)}
     for name, (given, most) in numbers.items():
@@ -123,8 +128,13 @@ def sweep(
     values = {key: _several(key, several) for key, several in (values or {}).items()}
     # Workers may have another working directory.
     folder = arguments.file("output", output).absolute()
+    fixed = dotted(overrides)
+    if both := sorted(set(fixed) & set(values)):
+        raise ArgumentError(f"{both[0]}: is among the values, and has a value of its own")
+    table = Table(folder, dims, series, measure)
     with briefly():
         sets = [f"--set={key}={','.join(compiled().value(value, key) for value in values[key])}" for key in values]
+    sets += [f"--set={setting}" for setting in settings(overrides)]
     words = ["sweep", str(_scene_file(scene, folder)), "-o", str(folder), *sets]
     if seeds is not None:
         words.append(f"--seeds={seeds}")
@@ -151,16 +161,7 @@ def sweep(
         first = warned[0]
         text = f"{len(warned)} of {len(rows)} runs have warnings; run {first['index']}: {first['warnings'][0]}"
         warn([text], stacklevel=3)
-    study = _dataset(rows, values, seeds, folder, series)
-    if dims == "keys":
-        return study
-    taken = [*_TAKEN, *_TEXTS, *_numbers(), *(f"{name}_series" for name in series)]
-    return _renamed(study, _names(list(values), taken))
-
-
-def _numbers() -> list[str]:
-    """Names of the variables that are numbers."""
-    return ["index", *compiled().total_names()]
+    return table.of(rows, values, fixed, seeds)
 
 
 def _several(key: str, values: Iterable[Any]) -> list[Any]:
@@ -246,101 +247,3 @@ def _client(cluster: Any, threads: int):
             yield client
 
     return local()
-
-
-def _dataset(
-    rows: Sequence[Mapping[str, Any]],
-    values: Mapping[str, list[Any]],
-    seeds: int | None,
-    folder: Path,
-    series: Sequence[str],
-) -> xarray.Dataset:
-    import xarray
-
-    coordinates = {key: _coordinate(key, several) for key, several in values.items()}
-    if "seed" not in coordinates or seeds is not None:
-        # A seed among the values must be a single one, from which the others are derived.
-        coordinates.pop("seed", None)
-        coordinates["seed"] = np.arange(seeds or 1)
-    shape = tuple(map(len, coordinates.values()))
-    dimensions = tuple(coordinates)
-    # The command gives rows in the order of the grid: the first key slowest, derived seeds fastest.
-    variables: dict[str, Any] = {}
-    for name in _numbers():
-        found = [row.get(name) for row in rows]
-        whole = all(isinstance(value, int) for value in found)
-        numbers = found if whole else [np.nan if value is None else value for value in found]
-        variables[name] = (dimensions, np.array(numbers, dtype=np.int64 if whole else float).reshape(shape))
-    for name in _TEXTS:
-        variables[name] = (
-            dimensions,
-            np.array([row.get(name) or "" for row in rows], dtype=object).reshape(shape),
-        )
-    run_seeds = np.array([row["seed"] if row["seed"] is not None else -1 for row in rows], dtype=np.int64)
-    variables["run_seed"] = (dimensions, run_seeds.reshape(shape))
-    dataset = xarray.Dataset(variables, coordinates)
-    for name, array in _series(rows, folder, series).items():
-        dataset[f"{name}_series"] = ((*dimensions, "time"), array.to_numpy().T.reshape((*shape, len(array))))
-        dataset = dataset.assign_coords(time=array.index.to_numpy())
-    dataset.attrs["folder"] = str(folder)
-    return dataset
-
-
-def _names(keys: Sequence[str], taken: Sequence[str]) -> dict[str, str]:
-    """For each dotted key a name that is a Python name: the shortest end of the key that no other key has."""
-    parts = {key: [re.sub(r"\W", "_", part) for part in key.split(".")] for key in keys}
-    names: dict[str, str] = {}
-    for key in keys:
-        ends = ["_".join(parts[key][-depth:]) for depth in range(1, len(parts[key]) + 1)]
-        others = {
-            "_".join(parts[other][-depth:]) for other in keys if other != key for depth in range(1, len(ends) + 1)
-        }
-        free = (end for end in ends if end.isidentifier() and end not in others and end not in taken)
-        name = next((end for end in free if not keyword.iskeyword(end)), f"key_{ends[-1]}")
-        names[key] = key if key.isidentifier() else name
-    return names
-
-
-def _renamed(study: xarray.Dataset, names: Mapping[str, str]) -> xarray.Dataset:
-    """The dataset with names for the keys of its dimensions, which keep the key as an attribute."""
-    present = {key: name for key, name in names.items() if key in study.dims}
-    study = study.rename(present)
-    for key, name in present.items():
-        study[name].attrs["key"] = key
-    return study
-
-
-def _coordinate(key: str, several: list[Any]) -> Any:
-    """Numbers and text as they are, everything else as TOML."""
-    plain = all(isinstance(value, (int, float, str, np.generic)) for value in several)
-    return several if plain else [compiled().value(value, key) for value in several]
-
-
-def _series(rows: Sequence[Mapping[str, Any]], folder: Path, names: Sequence[str]) -> dict[str, Any]:
-    """For each name a table with a row for each time of any run and a column for each run."""
-    if not names:
-        return {}
-    import pandas
-
-    from ..reader import open
-
-    tables = {}
-    for row in rows:
-        path = folder / row["file"]
-        if row["status"] == "complete":
-            with open(path) as file:
-                table = file.observables.set_index("time")
-                if missing := [name for name in names if name not in table]:
-                    raise MissingDataError(
-                        f"{path}: no observable {quoted(missing[0])}; there are {brief(', '.join(table), 350)}"
-                    )
-                tables[row["index"]] = table[list(names)]
-    if not tables:
-        return {}
-    columns = [row["index"] for row in rows]
-    return {
-        name: pandas.concat({k: table[name] for k, table in tables.items()}, axis=1)
-        .sort_index()
-        .reindex(columns=columns)
-        for name in names
-    }
