@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(of(&[(5.0, 1), (0.5, 100), (2.0, 1)]), 7.0);
         assert_eq!(of(&[(5.0, 2), (0.5, 100)]), 10.0);
         assert_eq!(of(&[(5.0, 1), (5.0, 1)]), 10.0);
-        assert_eq!(of(&[(0.5, 1)]), 0.5);
+        assert_eq!(of(&[(0.5, 1)]), 1.0);
         // Bodies of infinite mass do not touch each other.
         assert_eq!(largest_contact([(5.0, false, 3), (0.5, true, 1)].into_iter()), 5.5);
         assert_eq!(largest_contact([(0.1, false, 3), (0.5, true, 2)].into_iter()), 1.0);
