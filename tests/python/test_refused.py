@@ -279,12 +279,12 @@ def test_tables_and_manifests_are_read_or_refused(content, suffix, tmp_path):
 
 
 def test_error_of_a_series_missing_in_a_sweep_file_names_it(path):
-    from haff.command.sweeps import _series
+    from haff.command.study import _series
 
-    rows = [{"index": 0, "file": path.name, "status": "complete"}]
-    assert list(_series(rows, path.parent, ["temperature"])) == ["temperature"]
+    rows = [{"index": 0, "file": str(path), "status": "complete"}]
+    assert list(_series(rows, ["temperature"])) == ["temperature"]
     with pytest.raises(haff.MissingDataError, match=r"gas\.h5: no observable 'entropy'; there are step, .*temperature"):
-        _series(rows, path.parent, ["temperature", "entropy"])
+        _series(rows, ["temperature", "entropy"])
 
 
 def test_sweep_scene_that_is_not_text_differs_from_the_given_one(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import haff
-from haff.command.sweeps import _dataset, _names
+from haff.command.study import _dataset, _names
 
 GAS = {
     "schema": 1,
