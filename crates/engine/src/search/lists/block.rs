@@ -43,7 +43,7 @@ pub(super) struct ListBlock<F> {
 }
 
 /// Grid coordinates of particles.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Places {
     grid: Grid,
     /// Cells per coordinate.

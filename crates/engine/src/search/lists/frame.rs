@@ -187,7 +187,7 @@ impl FilterFrame {
             longest_chord: f32::INFINITY,
             bend,
             moving,
-            motion: Motion::NONE,
+            motion: Motion::default(),
         })
     }
 
@@ -377,17 +377,11 @@ impl FilterFrame {
     ) -> bool {
         let scale = self.step / self.sigma;
         let elapsed = (ticks - self.begin) as f64 * world.clock.tick;
-        let mut velocity = velocity;
-        if F::GRAVITY {
-            velocity -= self.gravity * elapsed;
-        }
-        let mut velocity = velocity.to_array();
-        if F::DEFORMS
-            && let Some(moving) = &self.moving
-        {
-            let vector = DVec3::from_array(velocity);
-            [_, velocity] = moving.path(position - vector * elapsed, vector);
-        }
+        let velocity = match &self.moving {
+            Some(moving) if F::DEFORMS => moving.path(position - velocity * elapsed, velocity)[1],
+            _ if F::GRAVITY => (velocity - self.gravity * elapsed).to_array(),
+            _ => velocity.to_array(),
+        };
         let mut compact = CompactParticle::default();
         for axis in 0..3 {
             compact.v[axis] = (velocity[axis] * scale) as f32;

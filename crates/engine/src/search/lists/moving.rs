@@ -52,17 +52,19 @@ pub(super) struct Motion {
     pub speed: f32,
 }
 
-impl Motion {
+impl Default for Motion {
     /// No motion.
-    pub const NONE: Self = Self {
-        tilt: 0.0,
-        shear: 0.0,
-        stretch: [0.0; 3],
-        to_lists: [1.0; 3],
-        strain: 1.0,
-        strain_of_lists: 1.0,
-        speed: 1.0,
-    };
+    fn default() -> Self {
+        Self {
+            tilt: 0.0,
+            shear: 0.0,
+            stretch: [0.0; 3],
+            to_lists: [1.0; 3],
+            strain: 1.0,
+            strain_of_lists: 1.0,
+            speed: 1.0,
+        }
+    }
 }
 
 impl Motion {

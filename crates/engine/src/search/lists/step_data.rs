@@ -5,11 +5,8 @@ use haff_calendar::{Calendar, Ladder};
 use crate::{
     model::features::Features,
     search::{
-        blocks::{Grid, Metric, Round, Settings, WorkingSpace},
-        lists::{
-            block::{ListBlock, Places},
-            moving::Motion,
-        },
+        blocks::{Metric, Round, Settings, WorkingSpace},
+        lists::block::{ListBlock, Places},
         queue::Queue,
         search_event::SearchEvent,
     },
@@ -60,7 +57,7 @@ impl<F: Features> Steps<F> {
             working_space: WorkingSpace::new(),
             span: None,
             metric: Metric::default(),
-            places: Places::new(Grid::default(), Motion::NONE),
+            places: Places::default(),
             rounds: Vec::new(),
             blocks: Vec::new(),
             from: 0,
