@@ -7,6 +7,7 @@ import keyword
 import numbers
 import os
 import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -160,15 +161,11 @@ def _add_measured(study: xarray.Dataset, rows: Sequence[Mapping[str, Any]], meas
         study[name] = (dimensions, column)
         if "seed" not in dimensions:
             continue
-        axis = dimensions.index("seed")
-        others = tuple(dimension for dimension in dimensions if dimension != "seed")
-        count = np.sum(~np.isnan(column), axis=axis)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = np.nansum(column, axis=axis) / count
-            square = np.nansum((column - np.expand_dims(mean, axis)) ** 2, axis=axis)
-            error = np.sqrt(square / ((count - 1.0) * count))
-        study[f"{name}_mean"] = (others, np.where(count > 0, mean, np.nan))
-        study[f"{name}_error"] = (others, np.where(count > 1, error, np.nan))
+        with warnings.catch_warnings():
+            # NumPy warns of means without a value, and of errors of a single one: both are NaN.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            study[f"{name}_mean"] = study[name].mean("seed")
+            study[f"{name}_error"] = study[name].std("seed", ddof=1) / study[name].count("seed") ** 0.5
 
 
 def _numbers_of(value: Any, name: str, path: str) -> dict[str, float]:
