@@ -1,10 +1,14 @@
 #!/usr/bin/env python3
-"""Measures the searches in boxes that deform: millions of collisions a second of each of them, and of `auto`.
+"""Measures boxes that deform, and events at the same instant.
 
-    benches/deforming.py --haff .venv/bin/haff
+    benches/deforming.py --haff .venv/bin/haff                        # for benches/record/choice.md
+    benches/deforming.py --haff .venv/bin/haff --threads              # for benches/record/deforming.md
+    benches/deforming.py --haff .venv/bin/haff --simultaneous
 
-Prints a Markdown table, for benches/record/choice.md. Each figure is the best of some runs (--runs) on one thread; a
-dash where a search refuses the box.
+The first has millions of collisions a second of each search and of `auto`, the best of some runs (--runs) on one
+thread; a dash where a search refuses the box. The second has one thread and two in turn: the medians of their rates,
+and the ratios of medians and of pairs. The third has the time in which events are taken on one thread. Each prints a
+Markdown table.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ import json
 import subprocess
 import tempfile
 from pathlib import Path
+from statistics import median
 
 SEARCHES = ("cells", "windows", "lists", "auto")
 GRAINS = """
@@ -63,32 +68,82 @@ SCENES = [
 ]
 
 
-def rate(command: str, scene: Path, keys: list[str], search: str, runs: int) -> str:
+LARGE = [
+    *(sheared("spheres", phi, 0.9, count, "run.collisions=3000000") for phi, count in ((0.1, 100_000), (0.3, 100_000))),
+    sheared("spheres", 0.5, 0.9, 500_000, "run.collisions=3000000"),
+    growth(300_000, 0.3, 0.45, 0.01),
+]
+
+LATTICE = """
+domain.size = [400.0, 400.0, 20.0]
+domain.boundary = ["periodic", "periodic", "wall"]
+domain.gravity = [0.0, 0.0, -1.0]
+contact.restitution = 0.9
+initial.positions = "lattice"
+run.until = 6.0
+"""
+FALLING = LATTICE + GRAINS.replace("1000", "90000").replace("temperature = 1.0", "temperature = 0.0")
+TIED = [
+    (*sheared("spheres", 0.3, 0.9, 400_000, "run.collisions=800000"), "lists"),
+    *(("90,000 balls of a lattice that fall on a floor, t = 6", FALLING, [], search) for search in ("cells", "lists")),
+]
+
+
+def run(command: str, scene: Path, keys: list[str], search: str, threads: int) -> dict[str, object]:
     words = [word for key in (*keys, f"engine.neighbors={search}") for word in ("--set", key)]
+    line = [command, "run", str(scene), "--json", "--threads", str(threads), *words]
+    return json.loads(subprocess.run(line, capture_output=True, text=True).stdout)
+
+
+def rate(command: str, scene: Path, keys: list[str], search: str, runs: int = 1, threads: int = 1) -> float | None:
+    """Collisions a second, the largest of some runs; `None` if the search refuses the box."""
     best = 0.0
     for _ in range(runs):
-        line = [command, "run", str(scene), "--json", "--threads", "1", *words]
-        report = json.loads(subprocess.run(line, capture_output=True, text=True).stdout)
+        report = run(command, scene, keys, search, threads)
         if "collisions_per_second" not in report:
             if "does not work here" in report["error"]:
-                return "–"
+                return None
             raise SystemExit(report["error"])
         best = max(best, report["collisions_per_second"])
-    return f"{best / 1e6:.2f}"
+    return best
+
+
+def searches(options: argparse.Namespace, path: Path) -> None:
+    print(f"| scene | {' | '.join(SEARCHES)} |\n|---|{'---|' * len(SEARCHES)}")
+    for label, scene, keys in SCENES:
+        path.write_text(scene)
+        rates = [rate(options.haff, path, keys, search, options.runs) for search in SEARCHES]
+        print(f"| {label} | {' | '.join('–' if one is None else f'{one / 1e6:.2f}' for one in rates)} |", flush=True)
+
+
+def threads(options: argparse.Namespace, path: Path) -> None:
+    print("| scene | 1 thread | 2 threads | ratio of medians | of pairs |\n|---|---|---|---|---|")
+    for label, scene, keys in LARGE:
+        path.write_text(scene)
+        pairs = [[rate(options.haff, path, keys, "auto", threads=n) / 1e6 for n in (1, 2)] for _ in range(options.runs)]
+        one, two = (median(column) for column in zip(*pairs))
+        ratios = sorted(two / one for one, two in pairs)
+        print(f"| {label} | {one:.3f} | {two:.3f} | {two / one:.2f} | {ratios[0]:.2f}–{ratios[-1]:.2f} |", flush=True)
+
+
+def simultaneous(options: argparse.Namespace, path: Path) -> None:
+    print("| scene | search | events taken in [s] |\n|---|---|---|")
+    for label, scene, keys, search in TIED:
+        path.write_text(scene)
+        print(f"| {label} | {search} | {run(options.haff, path, keys, search, 1)['wall_seconds']:.2f} |", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--haff", default="haff", help="the command")
-    parser.add_argument("--runs", type=int, default=3, help="runs of each search")
+    parser.add_argument("--runs", type=int, default=3, help="runs of each search, or pairs of runs")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--threads", dest="table", action="store_const", const=threads, help="one thread and two")
+    what.add_argument("--simultaneous", dest="table", action="store_const", const=simultaneous, help="events at once")
+    parser.set_defaults(table=searches)
     options = parser.parse_args()
-    print(f"| scene | {' | '.join(SEARCHES)} |\n|---|{'---|' * len(SEARCHES)}")
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scene.toml"
-        for label, scene, keys in SCENES:
-            path.write_text(scene)
-            figures = [rate(options.haff, path, keys, search, options.runs) for search in SEARCHES]
-            print(f"| {label} | {' | '.join(figures)} |", flush=True)
+        options.table(options, Path(folder) / "scene.toml")
 
 
 if __name__ == "__main__":
