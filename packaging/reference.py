@@ -97,6 +97,8 @@ def kind(about, definitions):
     for choices in ("oneOf", "anyOf"):
         if choices in about:
             return " or ".join(kind(choice, definitions) for choice in about[choices])
+    if "prefixItems" in about:
+        return f"[{', '.join(kind(item, definitions) for item in about['prefixItems'])}]"
     if about.get("type") == "array":
         inner = kind(about["items"], definitions)
         low, high = about.get("minItems"), about.get("maxItems")

@@ -34,7 +34,7 @@ use std::process::ExitCode;
 
 pub use haff_scene::{
     Action, Column, ContactLaw, DVec3, DrivenParticles, Exchange, NormalContact, Parameters, Particles,
-    Partner, PluginError, Plugins, Probe, Surface, VelocityChange,
+    Partner, PluginError, Plugins, Probe, RelativeFlight, Surface, VelocityChange,
 };
 
 use arguments::Command;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 Form = tuple[str, str]
@@ -30,7 +31,7 @@ def _allowed(node: dict[str, Any], schema: dict[str, Any], path: str) -> Iterato
             yield from _allowed(inner, schema, f"{path}.{key}".lstrip("."))
     elif node.get("type") == "array":
         yield path, "list"
-        if "$ref" in node.get("items", {}):
+        if isinstance(node.get("items"), dict) and "$ref" in node["items"]:
             yield from _allowed(node["items"], schema, f"{path}[]")
     else:
         yield path, {"integer": "number"}.get(node["type"], node["type"])
@@ -47,7 +48,7 @@ def forms_in(value: Any, words: set[Form], path: str = "") -> Iterator[Form]:
             yield path, "list"
             for inner in value:
                 # Numbers and names in lists have one form.
-                if isinstance(inner, dict) or (f"{path}[]", inner) in words:
+                if isinstance(inner, dict) or (isinstance(inner, str) and (f"{path}[]", inner) in words):
                     yield from forms_in(inner, words, f"{path}[]")
         case bool():
             yield path, str(value) if (path, str(value)) in words else "boolean"
@@ -152,6 +153,73 @@ SCENES: dict[str, dict[str, Any]] = {
         {"name": "divider", "plane": {"point": [4, 0, 0], "normal": [1, 0, 0], "two-sided": True}},
         domain={"size": [8.0, 8.0, 20.0], "boundary": ["wall", "wall", "wall"]},
         contact={"pair": [{"between": ["grain", "sieve"], "restitution": 0.8}]},
+    ),
+    "containers": {
+        "domain": {"size": [12.0, 12.0, 12.0], "boundary": ["open", "open", "open"], "gravity": [0, 0, -0.1]},
+        "species": [
+            {**_GRAIN, "region": {"cylinder": {"point": [6, 6, 1], "axis": [0, 0, 1], "radius": 3, "length": 9}}},
+            {**_GRAIN, "name": "dust", "count": 10, "region": {"box": [[4, 4, 4], [8, 8, 8]]}},
+            {**_GRAIN, "name": "rest", "count": 3, "region": {"sphere": {"center": [6, 6, 6], "radius": 3}}},
+        ],
+        "contact": {"restitution": 0.9, "tangential_restitution": 0.5, "friction": 0.3},
+        "wall": [
+            {
+                "name": "can",
+                "cylinder": {"point": [6, 6, 0], "axis": [0, 0, 2], "radius": 6, "length": 12, "side": "inside"},
+                "rotation": {"axis": [0, 0, 1], "point": [6, 6, 3], "rate": 0.5},
+            },
+            {
+                "name": "ball",
+                "sphere": {"center": [6, 6, 6], "radius": 5.9, "side": "inside"},
+                "velocity": [0.0, 0.0, 0.1],
+                "reference_time": 1.0,
+                "offset": [0.0, 0.0, 0.1],
+                "passes": ["dust"],
+            },
+            {"name": "pit", "cone": {"apex": [6, 6, -4], "axis": [0, 0, 1], "angle": 0.8, "side": "inside"}},
+            {
+                "name": "barrel",
+                "mesh": {
+                    "file": str(Path(__file__).parents[2] / "configs" / "meshes" / "mill.obj"),
+                    "scale": 3.0,
+                    "point": [6, 6, 6],
+                    "rotation": [[1, 0, 0], 1.5],
+                    "side": "inside",
+                },
+                "motion": {"kind": "sine", "amplitude": 0.1, "frequency": 1.0, "direction": [1, 0, 1]},
+            },
+        ],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "obstacles": _planes(
+        {"name": "pin", "cylinder": {"point": [2, 2, 0], "axis": [0, 0, 1], "radius": 0.3, "side": "outside"}},
+        {"name": "tube", "cylinder": {"point": [6, 2, 2], "axis": [0, 0, 1], "radius": 1, "length": 2, "side": "both"}},
+        {"name": "bead", "sphere": {"center": [2, 6, 3], "radius": 0.5, "side": "outside"}},
+        {"name": "shell", "sphere": {"center": [6, 6, 12], "radius": 1.0, "side": "both"}},
+        {
+            "name": "spike",
+            "cone": {"apex": [4, 4, 6], "axis": [0, 0, -1], "angle": 0.1, "start": 1, "length": 5, "side": "outside"},
+        },
+        {
+            "name": "funnel",
+            "cone": {"apex": [4, 4, 8], "axis": [0, 0, 1], "angle": 0.4, "start": 2, "length": 5, "side": "both"},
+        },
+        {
+            "name": "shelf",
+            "plane": {"point": [4, 1, 15], "normal": [0, 0, 1], "extent": [3.0, 1.0], "along": [1, 0, 0]},
+        },
+        {
+            "name": "block",
+            "mesh": {"file": str(Path(__file__).parents[2] / "configs" / "meshes" / "mill.obj"), "side": "outside"}
+            | {"scale": 0.1, "point": [6, 2, 12]},
+        },
+        {
+            "name": "skin",
+            "mesh": {"file": str(Path(__file__).parents[2] / "configs" / "meshes" / "mill.obj"), "side": "both"}
+            | {"scale": 0.1, "point": [2, 2, 12]},
+        },
+        domain={"size": [8.0, 8.0, 20.0], "boundary": ["wall", "wall", "wall"], "gravity": [0, 0, -0.1]},
     ),
     "grains at rest": _planes(
         _FLOOR,

@@ -43,6 +43,7 @@ ELSEWHERE = {
     ("wall[].surface", "string"): OF_PLUGINS,
     ("wall[].parameters", "object"): OF_PLUGINS,
     ("drive[].parameters", "object"): OF_PLUGINS,
+    ("wall[].mesh.hash", "string"): "set by the program",
     ("measure.probes", "list"): OF_PLUGINS,
     ("measure.probes[]", "table"): OF_PLUGINS,
     ("measure.probes[].kind", "string"): OF_PLUGINS,

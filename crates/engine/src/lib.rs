@@ -45,11 +45,12 @@ mod examples;
 #[cfg(test)]
 extern crate self as haff_engine; // tests/suite/common builds its systems with the public interface
 
+pub use model::bounds::allowed_overlap;
 pub use model::{
     Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Dimension,
     Domain, Drive, DriveKind, DrivenParticles, Grid, GridAxis, Group, Hole, KickTimes, Measure, NamedAction,
-    NamedProbe, NeighborChoice, Options, Oscillating, Particles, Partition, Probe, Shape, Shear, SimdChoice,
-    Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
+    NamedProbe, NeighborChoice, Options, Oscillating, Particles, Partition, Probe, Rotation, Shape, Shear,
+    SimdChoice, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity,
     conserved_momentum, named_action, rest_speed_of_diameter,
 };
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
@@ -64,7 +65,7 @@ pub use simulation::{
     endless_bounces_warning, initial_temperature, searches, suitable_contact_duration, thermal_velocities,
     warnings,
 };
-pub use support::{Overlap, allowed_overlap};
+pub use support::Overlap;
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.
 pub const TRAJECTORY_VERSION: u32 = 6;

@@ -55,6 +55,10 @@ pub fn first_contact_bounded(
         };
         // Not shortened to `stop`: where a least step passes a contact, what is found must not depend on it.
         let next = (time + step.max(least)).min(until);
+        // Nearer than the rounding of the time.
+        if next == time && rate < 0.0 && step < f64::EPSILON * time {
+            return Some(time);
+        }
         // Also if nothing accelerates and the distance does not fall.
         if !(time + step < stop && next > time) {
             return None;
@@ -116,6 +120,10 @@ mod tests {
         assert!(found.is_some_and(|t| (t - 2e-9).abs() < 1e-23), "{found:?}");
         assert_eq!(found, first_contact_bounded(near, 1.0, 1.0, 1.0, 1.0));
         assert_eq!(first_contact_bounded(near, 1.0, 1.0, 1.0, 1.9e-9), None);
+        // A distance that rounding keeps above the tolerance: steps become shorter than the rounding of the
+        // time.
+        let rounded = |t: f64| ((12.0 - t).max(4e-16), -1.0);
+        assert_eq!(first_contact_bounded(rounded, 0.0, 1e-3, 30.0, 30.0), Some(12.0));
         // A rate that is only rounding: Newton's step does not leave the interval.
         let barely = |t: f64| {
             assert!(t <= 0.5, "{t}");

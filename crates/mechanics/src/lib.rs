@@ -69,7 +69,7 @@ pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError, RestitutionTable};
 pub use rough::{RoughBody, Roughness, RoughnessError, TangentialImpact, slip_velocity, tangential_impact};
-pub use surface::{NamedSurface, Shape, Surface};
+pub use surface::{NamedSurface, RelativeFlight, Shape, Surface, Swing};
 
 /// The README's examples are tests.
 #[cfg(doctest)]

@@ -7,11 +7,11 @@ use std::fmt;
 use glam::DVec3;
 
 use crate::{
-    Partition, duration, first_contact_bounded, free_flight, free_flight_velocity,
+    Oscillation, Partition, duration, first_contact_bounded, free_flight, free_flight_velocity,
     named::{Named, NamedOnce},
 };
 
-/// A surface at rest, by its distance.
+/// A surface, by its distance, in its own frame.
 ///
 /// A sphere touches it where the distance of its center is its radius. What is left to a surface are
 /// functions of a position; the times of contacts follow from them. They may depend on their arguments alone:
@@ -41,20 +41,24 @@ pub trait Surface: fmt::Debug + Send + Sync {
         (self.distance(position), velocity.dot(self.normal(position)))
     }
 
-    /// Time until a sphere touches the surface \[time\], in a flight of constant acceleration; `None` if it
-    /// never does. Of a later contact than `within`, the time or infinity.
+    /// Whether the distance of a position is at most `reach` \[length\]; `true` in case of doubt.
+    fn is_near(&self, position: DVec3, reach: f64) -> bool {
+        self.distance(position) <= reach
+    }
+
+    /// Unit normal of the contact of a sphere, towards the particles: in an edge, that of the part which the
+    /// sphere approaches the fastest, of those whose distance is at most `reach` \[length\].
+    fn contact_normal(&self, position: DVec3, velocity: DVec3, reach: f64) -> DVec3 {
+        let _ = (velocity, reach);
+        self.normal(position)
+    }
+
+    /// Time until a sphere touches the surface \[time\]; `None` if it never does. Of a later contact than
+    /// `within`, the time or infinity.
     ///
     /// The default takes steps in which the sphere cannot come to the surface by its path, and, near it, by
     /// the bound of its curvature ([`first_contact_bounded`]): no contact is missed, however short.
-    fn time_to_contact(
-        &self,
-        position: DVec3,
-        velocity: DVec3,
-        acceleration: DVec3,
-        radius: f64,
-        within: f64,
-    ) -> Option<f64> {
-        let flight = Flight { position, velocity, acceleration };
+    fn time_to_contact(&self, flight: &RelativeFlight, radius: f64, within: f64) -> Option<f64> {
         let (center, extent) = self.bounds();
         if flight.misses(center, extent + radius) {
             return None;
@@ -63,7 +67,7 @@ pub trait Surface: fmt::Debug + Send + Sync {
             let (distance, rate) = self.approach(flight.at(time), flight.velocity_at(time));
             (distance - radius, rate)
         };
-        let strength = acceleration.length();
+        let strength = flight.strength();
         // Paths in which the bound of the curvature counts.
         let near = NEAR * radius;
         let mut time = 0.0;
@@ -84,7 +88,7 @@ pub trait Surface: fmt::Debug + Send + Sync {
             } else {
                 (now - near, 0.0)
             };
-            let step = duration(path, speed, strength);
+            let step = duration(path, speed, strength).min(flight.time_to_jump(time));
             // At rest, or where no number is finite.
             if !(step.is_finite() && time + step > time && curvature.is_finite()) {
                 return None;
@@ -110,30 +114,104 @@ const NEAR: f64 = 0.5;
 /// Least path of a step near a surface [radii].
 const SMALL: f64 = 1e-6;
 
-/// A flight of constant acceleration.
-struct Flight {
-    position: DVec3,
-    velocity: DVec3,
-    acceleration: DVec3,
+/// The flight of the center of a sphere, with a constant acceleration, relative to a surface that may swing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RelativeFlight {
+    /// Position at time 0, relative to the mean position of a surface that swings \[length\].
+    pub position: DVec3,
+    /// Velocity at time 0, relative to a surface of constant velocity [length/time].
+    pub velocity: DVec3,
+    /// Acceleration [length/time²].
+    pub acceleration: DVec3,
+    /// The oscillation of the surface.
+    pub swing: Option<Swing>,
 }
 
-impl Flight {
-    fn at(&self, time: f64) -> DVec3 {
-        free_flight(self.position, self.velocity, self.acceleration, time)
+/// An oscillation of a surface along a direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Swing {
+    /// Unit vector.
+    pub direction: DVec3,
+    /// Form, amplitude and frequency.
+    pub oscillation: Oscillation,
+    /// Phase at time 0 in cycles.
+    pub cycles: f64,
+}
+
+impl Swing {
+    /// Phase at a time in cycles.
+    fn at(&self, time: f64) -> f64 {
+        self.cycles + self.oscillation.frequency * time
+    }
+}
+
+impl RelativeFlight {
+    /// A flight beside a surface at rest.
+    #[must_use]
+    pub fn new(position: DVec3, velocity: DVec3, acceleration: DVec3) -> Self {
+        Self { position, velocity, acceleration, swing: None }
     }
 
-    fn velocity_at(&self, time: f64) -> DVec3 {
-        free_flight_velocity(self.velocity, self.acceleration, time)
+    /// Position relative to the surface at a time \[length\].
+    #[inline]
+    #[must_use]
+    pub fn at(&self, time: f64) -> DVec3 {
+        let position = free_flight(self.position, self.velocity, self.acceleration, time);
+        match &self.swing {
+            None => position,
+            Some(swing) => position - swing.direction * swing.oscillation.shift(swing.at(time)),
+        }
+    }
+
+    /// Velocity relative to the surface at a time [length/time].
+    #[inline]
+    #[must_use]
+    pub fn velocity_at(&self, time: f64) -> DVec3 {
+        let velocity = free_flight_velocity(self.velocity, self.acceleration, time);
+        match &self.swing {
+            None => velocity,
+            Some(swing) => velocity - swing.direction * swing.oscillation.velocity(swing.at(time)),
+        }
+    }
+
+    /// Bound of the acceleration relative to the surface, without jumps of the velocity [length/time²].
+    #[must_use]
+    pub fn strength(&self) -> f64 {
+        let swing = self.swing.map_or(0.0, |swing| swing.oscillation.max_acceleration());
+        self.acceleration.length() + swing
+    }
+
+    /// Time from `time` until the relative velocity next jumps \[time\]; infinite if it never does.
+    #[must_use]
+    pub fn time_to_jump(&self, time: f64) -> f64 {
+        // At least some roundings of the time, so that the corner has gone by.
+        let jump =
+            |swing: Swing| swing.oscillation.time_to_corner(swing.at(time)).max(8.0 * f64::EPSILON * time);
+        self.swing.map_or(f64::INFINITY, jump)
+    }
+
+    /// Whether the path is a straight line.
+    #[must_use]
+    pub fn is_straight(&self) -> bool {
+        self.acceleration == DVec3::ZERO && self.swing.is_none()
     }
 
     /// The same flight from a later time on.
-    fn from(&self, time: f64) -> Self {
-        Self { position: self.at(time), velocity: self.velocity_at(time), acceleration: self.acceleration }
+    #[must_use]
+    pub fn from(&self, time: f64) -> Self {
+        let Self { position, velocity, acceleration, swing } = *self;
+        Self {
+            position: free_flight(position, velocity, acceleration, time),
+            velocity: free_flight_velocity(velocity, acceleration, time),
+            acceleration,
+            swing: swing.map(|swing| Swing { cycles: swing.at(time), ..swing }),
+        }
     }
 
     /// Whether a straight flight never comes into a sphere.
-    fn misses(&self, center: DVec3, radius: f64) -> bool {
-        if radius == f64::INFINITY || self.acceleration != DVec3::ZERO {
+    #[must_use]
+    pub fn misses(&self, center: DVec3, radius: f64) -> bool {
+        if radius == f64::INFINITY || !self.is_straight() {
             return false;
         }
         let from = self.position - center;
@@ -204,15 +282,8 @@ impl Surface for Partition {
         (distance, velocity.dot(r) / distance)
     }
 
-    fn time_to_contact(
-        &self,
-        position: DVec3,
-        velocity: DVec3,
-        acceleration: DVec3,
-        radius: f64,
-        _within: f64,
-    ) -> Option<f64> {
-        Self::time_to_contact(self, position, velocity, acceleration, radius)
+    fn time_to_contact(&self, flight: &RelativeFlight, radius: f64, _within: f64) -> Option<f64> {
+        Self::time_to_contact(self, flight.position, flight.velocity, flight.acceleration, radius)
     }
 }
 
@@ -275,7 +346,7 @@ mod tests {
                     continue;
                 }
                 let contact = 2.0 + side * radius;
-                let found = ball.time_to_contact(x, v, DVec3::ZERO, radius, 1e6);
+                let found = ball.time_to_contact(&RelativeFlight::new(x, v, DVec3::ZERO), radius, 1e6);
                 let expected = expected(x, v, contact, side);
                 match (found, expected) {
                     (Some(found), Some(expected)) => {
@@ -302,21 +373,32 @@ mod tests {
         let ball = Ball { radius: 2.0, side: -1.0 };
         let gravity = DVec3::new(0.0, 0.0, -10.0);
         // From the center down to the lowest point: 1.5 = ½ g t².
-        let time = ball.time_to_contact(DVec3::ZERO, DVec3::ZERO, gravity, 0.5, 1e6).unwrap();
+        let time =
+            ball.time_to_contact(&RelativeFlight::new(DVec3::ZERO, DVec3::ZERO, gravity), 0.5, 1e6).unwrap();
         assert!((time - f64::sqrt(0.3)).abs() < 1e-15, "{time}");
         // A jump from there, up and back.
         let lowest = DVec3::new(0.0, 0.0, -1.5);
         for speed in [1e-6, 1e-3, 1.0, 3.0] {
-            let time = ball.time_to_contact(lowest, DVec3::Z * speed, gravity, 0.5, 1e6).unwrap();
+            let time = ball
+                .time_to_contact(&RelativeFlight::new(lowest, DVec3::Z * speed, gravity), 0.5, 1e6)
+                .unwrap();
             // The rounding of the height by the speed.
             assert!((time - 0.2 * speed).abs() < 4e-16 / speed + 1e-16, "{speed}: {time}");
         }
         // At rest in free space, and beyond the given time.
-        assert_eq!(ball.time_to_contact(DVec3::ZERO, DVec3::ZERO, DVec3::ZERO, 0.5, 1e6), None);
-        let late = ball.time_to_contact(DVec3::ZERO, DVec3::X * 1e-9, DVec3::ZERO, 0.5, 1.0).unwrap();
+        assert_eq!(
+            ball.time_to_contact(&RelativeFlight::new(DVec3::ZERO, DVec3::ZERO, DVec3::ZERO), 0.5, 1e6),
+            None
+        );
+        let late = ball
+            .time_to_contact(&RelativeFlight::new(DVec3::ZERO, DVec3::X * 1e-9, DVec3::ZERO), 0.5, 1.0)
+            .unwrap();
         assert!(late == f64::INFINITY || (late - 1.5e9).abs() < 1e-5, "{late}");
         // Outside, away from it.
         let outside = Ball { radius: 2.0, side: 1.0 };
-        assert_eq!(outside.time_to_contact(DVec3::X * 2.5, DVec3::X, DVec3::ZERO, 0.5, 1e6), None);
+        assert_eq!(
+            outside.time_to_contact(&RelativeFlight::new(DVec3::X * 2.5, DVec3::X, DVec3::ZERO), 0.5, 1e6),
+            None
+        );
     }
 }

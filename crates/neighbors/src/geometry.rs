@@ -1,6 +1,7 @@
 //! Input of a search: the box, the walls and the sizes.
 
 use glam::DVec3;
+use haff_mechanics::NamedSurface;
 
 /// Boundary along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +26,19 @@ pub struct Plane {
     /// The largest distance of the wall from this position at any time \[length\]: 0 if it does not move,
     /// infinite if it moves on and on.
     pub sweep: f64,
+    /// Its surface, if that is no plane; then `point` is its displacement from where its surface has it.
+    pub surface: Option<&'static NamedSurface>,
+}
+
+impl Plane {
+    /// Whether a surface can come to a distance from some position within `extent` of a center \[length\].
+    pub fn is_near(&self, center: DVec3, extent: f64, reach: f64) -> bool {
+        let Some(surface) = self.surface else { return true };
+        // Distances change by at most the path, and are negative on the other side.
+        let distance = surface.get().distance(center - self.point).abs();
+        let reach = extent + reach + self.sweep;
+        distance <= reach + 1e-9 * (reach + center.abs().max_element())
+    }
 }
 
 /// The box, its walls and the largest sizes.

@@ -73,7 +73,8 @@ pub fn beyond_faces(axes: [Axis; 3], size: DVec3, planes: &[Plane]) -> [[f64; 2]
             return [0.0; 2];
         }
         [(1.0, 0.0), (-1.0, size[axis])].map(|(side, face)| {
-            let planes = planes.iter().filter(|plane| plane.normal[axis] == side);
+            let is_face = |plane: &&Plane| plane.surface.is_none() && plane.normal[axis] == side;
+            let planes = planes.iter().filter(is_face);
             planes.map(|plane| (face - plane.point[axis]) * side + plane.sweep).fold(0.0, f64::max)
         })
     })
@@ -83,6 +84,17 @@ pub fn beyond_faces(axes: [Axis; 3], size: DVec3, planes: &[Plane]) -> [[f64; 2]
 fn is_near(axes: [Axis; 3], edges: [[f64; 2]; 3], plane: &Plane, radius: f64) -> bool {
     if plane.sweep == f64::INFINITY {
         return true;
+    }
+    if plane.surface.is_some() {
+        let repeats = |axis: &Axis| matches!(axis, Axis::Open | Axis::Periodic);
+        if axes.iter().any(repeats) {
+            // The cell represents all its images.
+            return true;
+        }
+        let [low, high] = [0, 1].map(|end| DVec3::from_array(edges.map(|edge| edge[end])));
+        // A cell without end has no center.
+        let is_endless = !(low.is_finite() && high.is_finite());
+        return is_endless || plane.is_near(0.5 * (low + high), 0.5 * (high - low).length(), radius);
     }
     let normal = plane.normal.to_array();
     let point = plane.point.to_array();

@@ -431,7 +431,7 @@ fn a_cell_holds_ten_thousand_particles_and_is_emptied_again() {
 
 #[test]
 fn only_cells_near_a_wall_list_it() {
-    let plane = |x: f64, normal| Plane { point: DVec3::new(x, 0.0, 0.0), normal, sweep: 0.0 };
+    let plane = |x: f64, normal| Plane { point: DVec3::new(x, 0.0, 0.0), normal, sweep: 0.0, surface: None };
     let geometry = Geometry {
         size: DVec3::splat(20.0),
         axes: [Axis::Bounded, Axis::Periodic, Axis::Periodic],

@@ -54,7 +54,7 @@ pub use assemble::CHANGEABLE;
 pub use config::{joints, schema::schema, templates::templates};
 pub use glam::DVec3;
 pub use haff_engine::{Action, Column, DrivenParticles, Exchange, Particles, Partner, Probe, VelocityChange};
-pub use haff_mechanics::{ContactLaw, NormalContact, Surface};
+pub use haff_mechanics::{ContactLaw, NormalContact, RelativeFlight, Surface};
 pub use model::{
     present::Present,
     scene::{

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileError, MissingDataError, NotApplicableError
-from ..files.scene import mean_point, shaped_walls
+from ..files.scene import mean_point, shape_of, shaped_walls
 from ..files.scene import roughness as roughness_of
 from ..text import quoted
 from . import conditions
@@ -161,7 +161,8 @@ def _wall(run: Recording, wall: int) -> tuple[str, dict[str, Any]]:
     sides = _sides(run)
     if wall < 2 * len(sides):
         called = "xyz"[sides[wall // 2]] + "-+"[wall % 2]
-        entries = (entry for entry in run.scene.get("wall", ()) if entry.get("name") == called and "plane" not in entry)
+        own = (entry for entry in run.scene.get("wall", ()) if shape_of(entry) is None)
+        entries = (entry for entry in own if entry.get("name") == called)
         return called, next(entries, {})
     of = shaped_walls(run.scene)[wall - 2 * len(sides)]
     return of.get("name", ""), of
@@ -174,6 +175,8 @@ def driven(run: Recording, wall: int) -> str:
         return "oscillates"
     if "temperature" in of:
         return "is thermal"
+    if of.get("rotation", {}).get("rate"):
+        return "rotates"
     return "has a velocity" if any(of.get("velocity", ())) else ""
 
 
@@ -243,7 +246,8 @@ def count_walls(run: Recording) -> int:
 def plane(run: Recording, wall: int) -> tuple[Array, Array]:
     """A point of a wall in the first frame and its normal, which points to the inside, by its row.
 
-    Those of the box are first. The point of a wall that oscillates is that of its mean position.
+    Those of the box are first. The point of a wall that oscillates is that of its mean position. Raises
+    :class:`NotApplicableError` for a wall that is no plane without end, or through which some particles pass.
     """
     sides = _sides(run)
     if wall < 2 * len(sides):
@@ -254,8 +258,10 @@ def plane(run: Recording, wall: int) -> tuple[Array, Array]:
         point[axis] = run.box.size[axis] if upper else 0.0
         return point + float(_wall(run, wall)[1].get("displacement", 0.0)) * normal, normal
     given = shaped_walls(run.scene)[wall - 2 * len(sides)]
-    if "plane" not in given:
-        raise NotApplicableError(f"the wall {quoted(given.get('name', ''))} is no plane")
+    if shape_of(given) != "plane":
+        raise NotApplicableError(f"the wall {quoted(given.get('name', ''))} is no plane without end")
+    if given.get("passes"):
+        raise NotApplicableError(f"particles pass through the wall {quoted(given.get('name', ''))}")
     normal = vector(given["plane"]["normal"])
     start = float(run.frames.time[0]) if len(run.frames) else 0.0
     return np.array(mean_point(given, start)), normal / np.linalg.norm(normal)

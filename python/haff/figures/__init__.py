@@ -1,6 +1,7 @@
 """The standard figures of open files, ready for print: ``haff plot FILE``, or :func:`haff.plot` from Python.
 
-*What to change here.* A new figure: a module here, a line of :data:`KINDS`, and the same in ``command/main.py``.
+*What to change here.* A new figure: a module here, a line of :data:`KINDS`, and the same in ``command/main.py``. A new
+shape of walls: :mod:`.solids` and :mod:`.shapes`, from which pages and figures have their triangles and lines.
 
 *May import* ``common``, ``theory``, ``mechanics``, ``files`` and ``analysis``.
 

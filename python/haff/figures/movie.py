@@ -18,7 +18,7 @@ from ..files.extent import Extent, extent
 from ..files.frames import Frames
 from ..files.layout import computing
 from ..files.selection import choose
-from . import snapshot
+from . import shapes, snapshot
 from .style import style
 
 if TYPE_CHECKING:
@@ -67,7 +67,10 @@ def save(
             notes.append(f"{len(chosen[::every])} of {len(chosen)} frames, one in {every}")
         chosen = chosen[::every]
     with replacing(target, source=file.path, overwrite=overwrite) as part:
-        wrong = writers[target.suffix](_pictures(file, chosen, extent(chosen)), part, fps)
+        scenery = shapes.find(file, extent(chosen), float(chosen.time[0]), float(chosen.time[-1]))
+        if notes is not None:
+            notes += scenery.missing
+        wrong = writers[target.suffix](_pictures(file, chosen, scenery.room), part, fps)
         if wrong:
             raise FileError(f"{target}: {wrong}")
     return target

@@ -57,6 +57,8 @@ class Picture(NamedTuple):
     """``[height, width, 4]``, row 0 at the top."""
     extent: tuple[float, float, float, float]
     """Left, right, bottom, top in camera coordinates [length], as ``imshow`` takes it."""
+    depth: Single
+    """``[height, width]`` coordinate towards the viewer of what is nearest in a pixel [length]; −∞ where nothing is."""
 
 
 def spheres(
@@ -88,7 +90,9 @@ def spheres(
     for low in range(0, height, BAND):
         band = slice(low, min(low + BAND, height))
         small[band.start // 2 : band.stop // 2] = _shaded(balls, depth[band], owner[band], band, surroundings)
-    return Picture(small[::-1], (left, left + width / scale, bottom, bottom + height / scale))
+    extent = (left, left + width / scale, bottom, bottom + height / scale)
+    nearest = depth.reshape(height // 2, 2, width // 2, 2).max(axis=(1, 3)) / np.float32(scale)
+    return Picture(small[::-1], extent, nearest[::-1])
 
 
 class _Balls(NamedTuple):

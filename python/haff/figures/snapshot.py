@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from .. import analysis
 from ..files.extent import Extent, extent
 from ..files.frames import Frame
+from . import shapes, walls
 from .facts import facts
 from .of_a_frame import chosen, disks
-from .render import Camera, spheres
+from .render import Camera, Picture, spheres
 from .style import CYCLE, SPEED_MAP, headline, label, page
 
 if TYPE_CHECKING:
@@ -30,11 +31,14 @@ View = tuple[np.ndarray, np.ndarray, np.ndarray]
 def draw(file: Recording, index: int = -1, *, room: Extent | None = None, pixels: int = PIXELS) -> Figure:
     """One frame, the last by default, colored by speed (few bodies: by species).
 
-    ``room`` is the region shown, by default the box, or along open axes the extent of this frame's particles.
+    ``room`` is the region shown, by default the box, or along open axes the extent of this frame's particles and of
+    walls of finite size.
     """
     frame = chosen(file, index)
     color, scale, quantity = _colors(frame)
-    view = _bounds(frame, room or extent(file.frames[frame.index : frame.index + 1]))
+    particles = room or extent(file.frames[frame.index : frame.index + 1])
+    scenery = shapes.find(file, particles, frame.time, planes=True)
+    view = _bounds(frame, room or scenery.room)
     low, high, bound = view
     sides = np.ptp(_corners(low, high) @ Camera.looking().axes[:2].T, axis=0) if file.dimension == 3 else high - low
     legend = scale is not None or len(file.species_names) > 1
@@ -44,8 +48,12 @@ def draw(file: Recording, index: int = -1, *, room: Extent | None = None, pixels
     axes.axis("off")
     if file.dimension == 2:
         disks(axes, frame, (low, high), color, edge="#222222", style="-" if bound[:2].all() else ":")
+        walls.draw_flat(axes, scenery.shapes, frame.time)
     else:
-        _spheres(frame, axes, color, view, pixels)
+        camera = Camera.looking()
+        picture = _spheres(frame, axes, color, view, camera, pixels)
+        walls.draw_solid(axes, scenery.shapes, frame.time, camera, picture)
+    walls.tell_missing(axes, scenery)
     if scale is not None:
         bar = figure.colorbar(scale, ax=axes, shrink=0.72, aspect=28, pad=0.02)
         bar.set_label(quantity)
@@ -100,9 +108,8 @@ def _corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.array(list(itertools.product(*zip(low, high))))
 
 
-def _spheres(frame: Frame, axes, color, view: View, pixels: int) -> None:
+def _spheres(frame: Frame, axes, color, view: View, camera: Camera, pixels: int) -> Picture:
     low, high, bound = view
-    camera = Camera.looking()
     corners = _corners(low, high)
     projected = camera.project(corners)
     reach = frame.radius.max()
@@ -130,3 +137,4 @@ def _spheres(frame: Frame, axes, color, view: View, pixels: int) -> None:
     axes.add_collection(LineCollection(visible, colors="#444444", linewidths=0.9, linestyles=style, zorder=3))
     axes.set_xlim(window[0], window[1])
     axes.set_ylim(window[2], window[3])
+    return picture

@@ -6,15 +6,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..analysis import experiment
 from ..errors import NotApplicableError
 from ..files.events import PAIRS
+from ..files.extent import Extent
+from ..files.scene import shape_of
+from . import shapes, walls
 from .style import BLACK, CYCLE, GREY, headline, label, page
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ..files.recording import Recording
 
 MOST_BODIES = 24
@@ -221,7 +227,8 @@ def draw(file: Recording) -> Figure:
 
 def _clearance(file: Recording, active: list[int]) -> float | None:
     """Height of the centre of a single ball in touch with a horizontal floor at z = 0."""
-    floors = [w for w in file.scene.get("wall", []) if w.get("plane", {}).get("normal") == [0, 0, 1]]
+    planes = [w for w in file.scene.get("wall", []) if shape_of(w) == "plane"]
+    floors = [w for w in planes if w["plane"]["normal"] == [0, 0, 1] and not w.get("passes")]
     at = experiment.vector(floors[0]["plane"]["point"])[2] if floors else 0.0
     if len(file) == 1 and active[-1] == 2 and (floors or file.box.boundary[2] == "wall"):
         return float(at + file.radius[0])
@@ -235,8 +242,9 @@ def draw_paths(file: Recording) -> Figure:
     if len(active) < 2:
         raise NotApplicableError("the motion is along one line")
     a, b = active[:2] if file.dimension == 2 or len(active) == 2 else (0, 2)
-    corners = np.concatenate([p.position[:, [a, b]] for p in paths])
-    figure = Figure(figsize=page(*np.ptp(corners, axis=0), beside=0.8, below=1.6), layout="constrained")
+    region, scenery = _region(file, paths, (a, b))
+    sides = region.size[[a, b]]
+    figure = Figure(figsize=page(*sides, beside=0.8, below=1.6), layout="constrained")
     axes = figure.subplots()
     axes.set_aspect("equal")
     few = len(paths) <= 7
@@ -254,6 +262,8 @@ def draw_paths(file: Recording) -> Figure:
         axes.add_patch(
             mpl.patches.Rectangle((0, 0), file.box.size[a], file.box.size[b], fill=False, ec="#333333", lw=1.6)
         )
+    _draw_walls(file, axes, scenery, (a, b), float(paths[0].position[0, 3 - a - b]))
+    axes.update_datalim(np.stack([region.origin, region.origin + region.size])[:, [a, b]])
     axes.autoscale_view()
     axes.margins(0.04)
     axes.set_xlabel(f"{'xyz'[a]}  [length]")
@@ -262,3 +272,25 @@ def draw_paths(file: Recording) -> Figure:
         figure.legend(loc="outside lower center", ncols=min(len(paths), 5))
     headline(figure, "Paths", f"{_subtitle(file)}  ·  dashed: start, filled: end")
     return figure
+
+
+def _region(file: Recording, paths: list[Path], shown: tuple[int, int]) -> tuple[Extent, shapes.Scenery]:
+    """The region of the paths, and the walls that are no planes at their end; none if the motion is in space."""
+    points, radius = np.concatenate([path.position for path in paths]), float(file.radius.max())
+    low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
+    room = Extent(low, high - low, np.zeros(3, bool))
+    across = 3 - sum(shown)
+    if file.dimension == 3 and np.ptp(points[:, across]) > 1e-6 * np.ptp(points, axis=0).max():
+        return room, shapes.Scenery([], room, [])
+    scenery = shapes.find(file, room, float(file.frames.time[-1]))
+    return scenery.room, scenery
+
+
+def _draw_walls(file: Recording, axes: Axes, scenery: shapes.Scenery, shown: tuple[int, int], height: float) -> None:
+    """Walls: in space, where the plane of motion cuts them, which is at ``height`` along the third axis."""
+    if file.dimension == 2:
+        walls.draw_flat(axes, scenery.shapes, float(file.frames.time[-1]))
+    else:
+        lines = [line[:, shown] for line in walls.sections(scenery.shapes, 3 - sum(shown), height)]
+        axes.add_collection(LineCollection(lines, colors=walls.WALL, linewidths=1.6, zorder=2.5), autolim=False)
+    walls.tell_missing(axes, scenery)

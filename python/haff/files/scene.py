@@ -18,16 +18,22 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
 __all__ = [
+    "SHAPES",
     "SceneFault",
     "constant",
     "is_rough",
     "law_name",
+    "mean_displacement",
     "mean_point",
     "pair_laws",
     "parsed",
     "roughness",
+    "shape_of",
     "shaped_walls",
 ]
+
+SHAPES = ("plane", "cylinder", "sphere", "cone", "mesh", "surface")
+"""Keys of which a wall of its own has one; an entry without them sets properties of a wall of the box."""
 
 
 class SceneFault(Exception):
@@ -36,10 +42,17 @@ class SceneFault(Exception):
 
 _LOOSE = frozenset("additionalProperties const default description enum format title".split())
 """Of the schema, what a file may differ in: later versions and plug-ins add keys and names."""
+_DRAFT_7 = {"oneOf": "anyOf", "prefixItems": "items"}
+"""Words of the schema for fastjsonschema: several choices may fit, and lists of items have their older name."""
 _ELSEWHERE = ("SpeciesConfig", "ParticleConfig", "WallConfig")
 """Tables of which no key is needed: numbers and sizes of particles are datasets of the file."""
 _INFINITE = frozenset({"friction", "mass"})
 """Keys whose values may be infinite."""
+_DIRECTIONS = (
+    ("plane", "normal"), ("plane", "along"), ("cylinder", "axis"), ("cone", "axis"), ("motion", "direction"),
+    ("rotation", "axis"),
+)  # fmt: skip
+"""Keys of walls that are directions."""
 
 
 def parsed(text: str) -> dict[str, Any]:
@@ -52,21 +65,31 @@ def parsed(text: str) -> dict[str, Any]:
     return scene
 
 
-def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
-    """The walls that follow those of the box, planes and surfaces of other crates.
+def shape_of(wall: dict[str, Any]) -> str | None:
+    """Which of :data:`SHAPES` an entry of ``[[wall]]`` has; ``"rectangle"`` for a plane of finite extent.
 
-    Entries without a shape set properties of a wall of the box.
+    ``None`` for an entry that sets properties of a wall of the box.
     """
-    return [wall for wall in scene.get("wall", ()) if "plane" in wall or "surface" in wall]
+    key = next((key for key in SHAPES if key in wall), None)
+    return "rectangle" if key == "plane" and "extent" in wall["plane"] else key
+
+
+def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """The walls that follow those of the box, in the order of their rows: entries with a shape of their own."""
+    return [wall for wall in scene.get("wall", ()) if shape_of(wall) is not None]
+
+
+def mean_displacement(wall: dict[str, Any], time: float) -> list[float]:
+    """``[3]`` how far a wall is at a time from where its shape has it [length]; without an oscillation."""
+    since = time - float(wall.get("reference_time", 0.0))
+    offset, velocity = ([*map(float, wall.get(key, ())), 0.0, 0.0, 0.0][:3] for key in ("offset", "velocity"))
+    return [x + v * since for x, v in zip(offset, velocity)]
 
 
 def mean_point(wall: dict[str, Any], time: float) -> list[float]:
     """``[3]`` point of the plane of a wall at a time [length]; of one that oscillates, at its mean position."""
-    since = time - float(wall.get("reference_time", 0.0))
-    point, velocity = (
-        [*map(float, given), 0.0, 0.0, 0.0][:3] for given in (wall["plane"]["point"], wall.get("velocity", ()))
-    )
-    return [x + v * since for x, v in zip(point, velocity)]
+    point = [*map(float, wall["plane"]["point"]), 0.0, 0.0, 0.0][:3]
+    return [x + moved for x, moved in zip(point, mean_displacement(wall, time))]
 
 
 def constant(law: Any) -> float | None:
@@ -132,7 +155,7 @@ def _loosened(node: Any, names: bool = False) -> Any:
     if not isinstance(node, dict):
         return node
     kept = {
-        "anyOf" if key == "oneOf" and not names else key: _loosened(one, key in ("properties", "$defs") and not names)
+        key if names else _DRAFT_7.get(key, key): _loosened(one, key in ("properties", "$defs") and not names)
         for key, one in node.items()
         if names or key not in _LOOSE
     }
@@ -160,9 +183,20 @@ def _check(scene: dict[str, Any]) -> None:
         raise SceneFault(f"{_shown(path)} = {brief(repr(error.value))}: must be {_words(error.definition)}") from None
     _check_numbers(scene, [])
     for k, wall in enumerate(scene.get("wall", ())):
-        if "plane" in wall and not 0 < math.hypot(*wall["plane"]["normal"]) <= LARGEST:
-            normal = brief(repr(wall["plane"]["normal"]))
-            raise SceneFault(f"wall[{k}].plane.normal = {normal}: must be a vector, not all of its numbers 0")
+        _check_wall(wall, k)
+
+
+def _check_wall(wall: dict[str, Any], k: int) -> None:
+    """Refuses directions of no length, and cones that are none."""
+    given = [([key, name], wall[key][name]) for key, name in _DIRECTIONS if name in wall.get(key, {})]
+    if "rotation" in wall.get("mesh", {}):
+        given.append((["mesh", "rotation", "0"], wall["mesh"]["rotation"][0]))
+    for path, vector in given:
+        if not 0 < math.hypot(*vector[:3]) <= LARGEST:
+            where = _shown(["wall", str(k), *path])
+            raise SceneFault(f"{where} = {brief(repr(vector))}: must be a vector, not all of its numbers 0")
+    if not wall.get("cone", {}).get("angle", 0.0) < math.pi / 2:
+        raise SceneFault(f"wall[{k}].cone.angle = {wall['cone']['angle']:g}: must be below π/2")
 
 
 def _check_numbers(node: Any, path: list[Any]) -> None:
@@ -218,7 +252,9 @@ def _range(definition: dict[str, Any]) -> str:
     return f", {low:g} or more" if high is None else f" in [{low:g}, {high:g}]"
 
 
-def _plural(definition: dict[str, Any]) -> str:
+def _plural(definition: dict[str, Any] | list[Any]) -> str:
+    if isinstance(definition, list):
+        return "values"
     if "$ref" in definition:
         definition = _schema()["$defs"][definition["$ref"].rsplit("/", 1)[-1]]
     return {"number": "numbers", "string": "names", "object": "tables"}.get(definition.get("type", ""), "values")

@@ -385,8 +385,9 @@ class Simulation(Model, Measured):
         A wall goes on from where it is. ``wall__NAME__velocity`` moves it from there, or stops it; ``motion`` makes it
         oscillate from there on. With another frequency its phase and position are continuous. With another amplitude,
         too: its mean position moves, so that the wall stays where it is at this phase. A wall jumps only if its
-        ``plane__point``, its ``displacement`` or its ``motion__phase`` is set. :attr:`scene_text` has the walls as they
-        are then. The command does the same with ``haff run --resume FILE --set KEY=VALUE``, :func:`haff.resume` too.
+        ``plane__point`` (of other shapes ``offset``), its ``displacement`` or its ``motion__phase`` is set.
+        :attr:`scene_text` has the walls as they are then. The command does the same with
+        ``haff run --resume FILE --set KEY=VALUE``, :func:`haff.resume` too.
 
         Examples
         --------

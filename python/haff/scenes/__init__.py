@@ -135,13 +135,24 @@ def save_scene(scene: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
 
 
 def load_scene(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """A scene file as a dict, to be changed and run or saved. Comments are lost."""
+    """A scene file as a dict, to be changed and run or saved. Comments are lost.
+
+    Files of meshes that are beside the scene file get its folder, so that the dict can be run from anywhere.
+    """
     given = source(arguments.file("path", path), {})
     try:
-        return tomllib.loads(given["text"])
+        scene = tomllib.loads(given["text"])
     except (ValueError, RecursionError) as error:
         problem = SceneProblem(f"{path}: {error}", str(path), message=str(error), code="syntax")
         raise SceneError([problem]) from None
+    walls = scene.get("wall", ())
+    for wall in walls if isinstance(walls, list) else ():
+        mesh = wall.get("mesh") if isinstance(wall, dict) else None
+        if isinstance(mesh, dict) and isinstance(mesh.get("file"), str) and not Path(mesh["file"]).exists():
+            beside = Path(given["name"]).resolve().parent / mesh["file"]
+            if beside.exists():
+                mesh["file"] = str(beside)
+    return scene
 
 
 def validate(scene: Scene, /, **overrides: Any) -> dict[str, Any]:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 
 from ..errors import ArgumentError, NotApplicableError
+from ..figures import shapes
 from ..figures.style import CYCLE, SPEED_MAP
 from ..files.extent import Extent, extent
-from ..files.scene import mean_point, shaped_walls
 from ..files.selection import choose
 from ..reader import File
 from ..text import escaped
-from . import collisions, curves, joints
+from . import collisions, curves, joints, walls
 from .blobs import Blobs
 from .coloring import Coloring
 from .keyframes import Keyframes, along_flights, recorded
@@ -44,6 +43,9 @@ def write(
         chosen = _thin(file, chosen, size, log is not None, notes)
         keys = recorded(chosen)
     room = extent(chosen)
+    start, end = float(keys.time[0]), float(keys.time[-1])
+    scenery = shapes.find(file, room, start, end)
+    notes += scenery.missing
     if file.compression is not None and len(chosen) > 1:
         notes.append("the box changes with time, and is drawn with its longest edges; one frame has its own")
     losses = None if log is None else log.losses(keys.time)
@@ -53,8 +55,9 @@ def write(
         "title": escaped(file.title or file.path.stem),
         "count": len(file),
         "dimension": file.dimension,
-        "gravity": _vector(file.scene.get("domain", {}).get("gravity", ())),
+        "gravity": walls.vector(file.scene.get("domain", {}).get("gravity", ())),
         "room": {"origin": room.origin.tolist(), "size": room.size.tolist(), "bounded": room.bounded.tolist()},
+        "shown": [scenery.room.origin.tolist(), (scenery.room.origin + scenery.room.size).tolist()],
         "periodic": (file.box.periodic & (np.arange(3) < file.dimension)).tolist(),
         "shear": _shear(file, keys),
         "boundary": list(file.box.boundary),
@@ -70,12 +73,14 @@ def write(
         ),
         "coloring": coloring.header(),
         "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
-        "walls": _walls(file, float(keys.time[0])),
-        "motions": _of_box(file, "motion"),
-        "displacements": _of_box(file, "displacement"),
+        "walls": walls.planes(file, start),
+        "shapes": walls.shapes(scenery.shapes, blobs, file.dimension, start),
+        "motions": walls.of_box(file, "motion"),
+        "displacements": walls.of_box(file, "displacement"),
+        "rotations": walls.of_box(file, "rotation"),
         "joints": linked,
         "curves": curves.find(file),
-        "collisions": None if log is None else log.sample(blobs, float(keys.time[0]), float(keys.time[-1]), notes),
+        "collisions": None if log is None else log.sample(blobs, start, end, notes),
     }
     header["served"] = escaped(_served(file))
     header["frames"] = _frames(file, blobs, keys, room, losses)
@@ -240,36 +245,3 @@ def _spacing(time: np.ndarray) -> str:
 def _even(time: np.ndarray) -> bool:
     steps = np.diff(time)[:-1]
     return len(steps) < 2 or float(steps.max()) < 3 * float(steps.min())
-
-
-def _vector(values) -> list[float]:
-    return [*map(float, values), 0.0, 0.0, 0.0][:3]
-
-
-def _of_box(file: File, key: str) -> dict[str, Any]:
-    """The values of a key of walls of the box, by their names."""
-    entries = [wall for wall in file.scene.get("wall", []) if "plane" not in wall and key in wall]
-    return {escaped(wall["name"]): wall[key] for wall in entries if "name" in wall}
-
-
-def _hole(hole: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    return None if hole is None else {"center": _vector(hole["center"]), "radius": float(hole["radius"])}
-
-
-def _walls(file: File, start: float) -> list[dict[str, Any]]:
-    """The other walls; ``point`` is where they are at ``start``, the time of the first frame."""
-    return [
-        {
-            "name": escaped(wall.get("name", "")),
-            "point": mean_point(wall, start),
-            "since": start,
-            "normal": _vector(wall["plane"].get("normal", ())),
-            "velocity": _vector(wall.get("velocity", ())),
-            "motion": wall.get("motion"),
-            "partition": "hole" in wall["plane"] or bool(wall["plane"].get("two-sided")),
-            "hole": _hole(wall["plane"].get("hole")),
-        }
-        for wall in shaped_walls(file.scene)
-        # Surfaces of other crates are not drawn.
-        if "plane" in wall
-    ]

@@ -31,7 +31,7 @@ class Player {
     this.scene = new THREE.Scene();
     this.particles = new Particles(this.frames, this.bodies);
     this.scene.add(...this.particles.meshes);
-    this.surroundings = new Surroundings(this.scene, this.theme);
+    this.surroundings = new Surroundings(this.scene, this.theme, await unpackShapes());
     this.view = new View(find("stage"), this.surroundings.space, this.largest, () => this.wake());
     this.inspector = new Inspector(this);
     this.smooth = new Smooth(find("stage"), find("mean"), this.particles.uniforms.round, () => this.render());

@@ -11,6 +11,13 @@ function room() {
   const flat = header.dimension === 2;
   const low = [...origin];
   const high = origin.map((value, k) => value + size[k]);
+  // The walls that are no planes.
+  const [first, last] = header.shown;
+  for (let k = 0; k < (flat ? 2 : 3); k++) {
+    if (bounded[k]) continue;
+    low[k] = Math.min(low[k], first[k]);
+    high[k] = Math.max(high[k], last[k]);
+  }
   for (const { ends } of header.joints) {
     for (const end of ends.filter(Array.isArray)) {
       end.forEach((value, k) => {
@@ -36,9 +43,11 @@ function room() {
   return { low, high };
 }
 
+// Pieces of lines, by their ends in pairs: three numbers each, or all numbers in one array.
 function lines(points, color, opacity) {
   const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points.flat()), 3));
+  const array = points instanceof Float32Array ? points : new Float32Array(points.flat());
+  geometry.setAttribute("position", new THREE.BufferAttribute(array, 3));
   const material = new THREE.LineBasicMaterial({ color, transparent: opacity < 1, opacity });
   const found = new THREE.LineSegments(geometry, material);
   found.frustumCulled = false;
@@ -152,12 +161,37 @@ function moved(wall, time) {
   return wall.velocity.map((value, k) => value * (time - (wall.since || 0)) + wall.normal[k] * along);
 }
 
+// Lines in a plane that turn with it about a point: spokes and a circle, where they stay in a polygon.
+function spokes(corners, normal, point) {
+  const n = new THREE.Vector3(...normal).normalize();
+  const from = (at) => new THREE.Vector3(...at.map((value, k) => value - point[k]));
+  const foot = n.clone().multiplyScalar(from(corners[0]).dot(n));
+  const u = from(corners[0]).sub(foot);
+  const reach = Math.min(
+    ...corners.map((at, k) => {
+      const [a, b] = [from(at).sub(foot), from(corners[(k + 1) % corners.length]).sub(foot)];
+      return a.clone().cross(b).dot(n) / b.clone().sub(a).length();
+    }),
+  );
+  // The corners run to the left about the normal; a point to the right of an edge is outside.
+  if (!(reach > 0)) return [];
+  u.setLength(reach);
+  const v = n.clone().cross(u);
+  const rim = (k) => u.clone().multiplyScalar(Math.cos((k * Math.PI) / 48)).addScaledVector(v, Math.sin((k * Math.PI) / 48));
+  const found = Array.from({ length: 96 }, (_, k) => [rim(k), rim(k + 1)]);
+  for (let k = 0; k < 96; k += 16) found.push([new THREE.Vector3(), rim(k)]);
+  return found.flat().map((at) => at.add(foot).toArray().map((value, k) => value + point[k]));
+}
+
 class Surroundings {
-  constructor(scene, theme) {
+  // shapes: what `unpackShapes` has unpacked.
+  constructor(scene, theme, shapes) {
     this.scene = scene;
+    this.shapes = shapes;
     this.space = room();
     this.parts = [];
     this.moving = [];
+    this.turning = [];
     this.joints = null;
     this.draw(theme);
   }
@@ -170,6 +204,7 @@ class Surroundings {
     }
     this.parts = [];
     this.moving = [];
+    this.turning = [];
     const flat = header.dimension === 2;
     const { bounded } = header.room;
     const axes = flat ? [0, 1] : [0, 1, 2];
@@ -195,12 +230,14 @@ class Surroundings {
         const name = "xyz"[k] + (sign > 0 ? "-" : "+");
         const motion = header.motions[name];
         const displacement = header.displacements[name] || 0;
-        planes.push({ point, normal, velocity: [0, 0, 0], motion, displacement });
+        const rotation = header.rotations[name];
+        planes.push({ point, normal, velocity: [0, 0, 0], motion, displacement, rotation });
       }
     }
     for (const wall of [...planes, ...header.walls]) {
       const found = cut(wall.point, wall.normal, this.space);
       if (found.length < 3) continue;
+      const faint = wall.passes ? PASSED : 1;
       let part;
       if (flat) {
         // Seen from above a wall is a line: drawn as a strip on its outer side, a partition on both.
@@ -214,16 +251,26 @@ class Surroundings {
           [[a, inner], [b, inner], [b, inner + 1], [a, inner + 1]].map(([at, by]) => at.map((v, k) => v + by * out[k])),
         );
         const triangles = strips.flatMap((_, k) => [0, 1, 2, 0, 2, 3].map((corner) => 4 * k + corner));
-        part = surface(corners, WALL[theme], 1, triangles);
+        part = surface(corners, WALL[theme], faint, triangles);
       } else if (wall.hole) {
         const { points, triangles } = pierced(found, wall.normal, wall.hole);
-        part = surface(points, WALL[theme], 0.28, triangles);
+        part = surface(points, WALL[theme], 0.28 * faint, triangles);
       } else {
-        part = surface(found, WALL[theme], header.walls.includes(wall) ? 0.28 : 0.1);
+        part = surface(found, WALL[theme], header.walls.includes(wall) ? 0.28 * faint : 0.1);
+        if (wall.rotation) this.turn(found, wall, theme);
       }
       this.parts.push(part);
       const moves = wall.motion || wall.displacement || wall.velocity.some((value) => value);
       if (moves) this.moving.push([part, wall]);
+    }
+    for (const shape of this.shapes) {
+      for (const part of shapeParts(shape, theme, thick)) {
+        this.parts.push(part);
+        this.moving.push([part, shape]);
+      }
+      if (!shape.rotation || !shape.marks.length) continue;
+      const { point, axis, rate } = shape.rotation;
+      this.addTurning(shape.marks, point, axis, rate, theme);
     }
     if (header.joints.length) {
       const points = header.joints.reduce((sum, joint) => sum + 2 * this.pieces(joint), 0);
@@ -231,6 +278,24 @@ class Surroundings {
       this.parts.push(this.joints);
     }
     for (const part of this.parts) this.scene.add(part);
+  }
+
+  // Marks of a plane that rotates, whose corners are those of a polygon.
+  turn(corners, wall, theme) {
+    const { axis, point, rate } = wall.rotation;
+    const three = (given) => [...given, 0, 0, 0].slice(0, 3);
+    const about = axis ? three(axis) : wall.normal;
+    // By default about any point; that of a wall of the box is its middle.
+    const middle = [0, 1, 2].map((k) => corners.reduce((sum, at) => sum + at[k], 0) / corners.length);
+    const center = three(point || (header.walls.includes(wall) ? wall.point : middle));
+    this.addTurning(spokes(corners, wall.normal, center).flat(), center, about, rate, theme);
+  }
+
+  // Lines, as numbers of their ends in pairs, that turn about an axis through a point.
+  addTurning(array, point, axis, rate, theme) {
+    const part = lines(new Float32Array(array.map((value, k) => value - point[k % 3])), WALL[theme], 0.8);
+    this.parts.push(part);
+    this.turning.push([part, point, new THREE.Vector3(...axis).normalize(), rate]);
   }
 
   pieces(joint) {
@@ -242,6 +307,10 @@ class Surroundings {
     for (const part of this.parts) part.visible = visible || part === this.joints;
     for (const [part, wall] of this.moving) {
       part.position.set(...moved(wall, time));
+    }
+    for (const [part, point, axis, rate] of this.turning) {
+      part.position.set(...point);
+      part.quaternion.setFromAxisAngle(axis, (rate * time) % (2 * Math.PI));
     }
     if (!this.joints) return;
     const positions = this.joints.geometry.getAttribute("position");

@@ -12,12 +12,11 @@ use haff_mechanics::Impact;
 
 use crate::{
     laws::pair_law::PairContact,
-    model::features::Features,
+    model::{bounds::allowed_overlap, features::Features},
     motion::flow_work,
     numerics::{error::EngineError, random::mix},
     report::ledger::Term,
     state::{accumulators::Accumulators, world::World},
-    support::overlap::allowed_overlap,
 };
 
 /// A penetration is corrected if it is more than this fraction of the coordinates.

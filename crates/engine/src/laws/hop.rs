@@ -32,18 +32,18 @@ pub(crate) fn separation_speed(e: f64, speed: f64, acceleration: f64, radius: f6
 pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64) -> Option<f64> {
     let plane = &world.boundary.walls[wall as usize];
     let completes = match plane.motion {
-        WallMotion::Fixed => {
-            plane.shape.is_none()
-                && world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall))
-        }
-        WallMotion::Constant(_) => false,
+        _ if plane.shape.is_some() => false,
+        WallMotion::Fixed => world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall)),
+        WallMotion::Constant(_) | WallMotion::Rotating(_) => false,
         WallMotion::Oscillating(_) => carried::can_start(world, i, wall),
     };
     if completes {
         return None;
     }
-    let normal = world.wall_normal(wall, world.state(i, ticks).0);
-    Some(plane.motion.acceleration((&world.clock, ticks)) - world.acceleration(i).dot(normal))
+    let (position, velocity) = world.state(i, ticks);
+    let normal = world.contact_normal(i, wall, (position, velocity), ticks);
+    let along = if plane.shape.is_some() { plane.normal.dot(normal) } else { 1.0 };
+    Some(along * plane.motion.acceleration((&world.clock, ticks)) - world.acceleration(i).dot(normal))
 }
 
 #[cfg(test)]

@@ -28,8 +28,8 @@ pub(crate) fn is_repeated_contact(world: &World, pair: [u32; 2], time: i64) -> b
 
 /// Whether a contact of particle i with a wall at `time` is repeated: its last contact was shortly before,
 /// and was with a grain or itself repeated. A grain that returns to the wall undisturbed bounces on it alone,
-/// and its contact is not repeated. On a moving wall every contact shortly after another one is repeated,
-/// because a series of bounces on it is not completed in closed form.
+/// and its contact is not repeated. On a moving wall, and on one that is no half-space, every contact shortly
+/// after another one is repeated, because a series of bounces on it is not completed in closed form.
 pub(crate) fn is_repeated_wall_contact(
     world: &World,
     i: u32,
@@ -39,10 +39,11 @@ pub(crate) fn is_repeated_wall_contact(
     time: i64,
 ) -> bool {
     let Some(thresholds) = &world.laws.thresholds else { return false };
-    let moves = world.boundary.walls[wall as usize].motion.is_moving();
+    let plane = &world.boundary.walls[wall as usize];
+    let is_never_completed = plane.motion.is_moving() || plane.shape.is_some();
     let recently_hit = world.particles[i as usize].is_recently_hit()
         && world.contact_age(i, time) * acceleration < 2.0 * speed * UNDISTURBED;
-    had_recent_contact(world, thresholds, i, time) && (moves || recently_hit)
+    had_recent_contact(world, thresholds, i, time) && (is_never_completed || recently_hit)
 }
 
 /// The separation speed of two bodies that approach at `speed`, with the coefficient of restitution `e`.

@@ -40,14 +40,16 @@ pub(crate) fn touch_wall<F: Features>(
     let depth = penetration_to_correct(-gap, position.abs(), class.radius);
     if depth > 0.0 {
         let coordinates =
-            position.abs().max(world.coordinates(i)).max(world.boundary.walls[wall as usize].point.abs());
+            position.abs().max(world.coordinates(i)).max(world.boundary.walls[wall as usize].coordinates());
         check_penetration(world, depth, class.radius, coordinates, (i, None), time)?;
     }
-    let normal = world.wall_normal(wall, position);
+    let normal = world.contact_normal(i, wall, (position, velocity), time);
     if depth > 0.0 || world.is_level(wall) {
         position -= normal * gap;
     }
     let plane = &world.boundary.walls[wall as usize];
-    let (n, wall_velocity) = (-normal, plane.motion.velocity(plane.normal, (&world.clock, time)));
+    let touched = position - normal * class.radius;
+    let wall_velocity = plane.motion.velocity_of_surface(plane.normal, touched, (&world.clock, time));
+    let n = -normal;
     Ok(WallContact { i, wall, time, position, velocity, n, wall_velocity })
 }

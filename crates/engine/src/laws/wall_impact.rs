@@ -74,6 +74,8 @@ pub(crate) fn collide_with_wall<F: Features>(
     let class = *world.class(i);
     let outcome = match world.wall_law(&class, wall) {
         WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law, rough)),
+        // Nothing predicts such a contact.
+        WallLaw::Passes => WallOutcome::Reflection { velocity: contact.velocity, spin: None },
         WallLaw::Thermal(law) => {
             let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
             match law.velocity(draw, class.mass, n, world.dimension) {
@@ -263,7 +265,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
             let rest = match state.world.boundary.walls[wall as usize].motion {
                 WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
                 WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
-                WallMotion::Constant(_) => None,
+                WallMotion::Constant(_) | WallMotion::Rotating(_) => None,
             };
             if let Some(rest) = rest {
                 state.pending.insert(i, rest);

@@ -96,6 +96,19 @@ pub fn resolved(radius: f64, extent: f64) -> Result<(), String> {
     ))
 }
 
+/// Largest overlap with which a run continues [contact distances].
+const ALLOWED: f64 = 1e-12;
+/// The same bound in units of ε times the largest coordinate or free path. The larger of the two applies.
+const ROUNDINGS: f64 = 16.0;
+
+/// Largest overlap with which a run continues \[length\], for bodies with the contact distance `sigma`
+/// \[length\]. `reach` \[length\] is what rounding errors are relative to: the largest of their coordinates
+/// and of the lengths of their flights since their own last events, plus the extent of the system. The time
+/// of a contact is rounded to ticks so short that no particle moves by more than 16 ε of the extent in one.
+pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
+    f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -62,6 +62,9 @@ fn has_bath(system: &System) -> bool {
 fn pushes_along(system: &System, wall: usize, axis: usize) -> bool {
     let walls = system.walls.len();
     let Wall { normal, shape, .. } = &system.walls[wall];
+    if system.contacts.wall.iter().skip(wall).step_by(walls).all(|law| *law == WallLaw::Passes) {
+        return false;
+    }
     let is_curved = shape.is_some_and(|shape| match shape {
         Shape::Partition(partition) => partition.hole.is_some(),
         Shape::Named(_) => true,

@@ -57,4 +57,4 @@ pub use shear::Shear;
 pub use spin::Spin;
 pub use thermal::ThermalWall;
 pub use wall_law::WallLaw;
-pub use wall_motion::{ConstantVelocity, Oscillating, WallMotion, WallTime};
+pub use wall_motion::{ConstantVelocity, Oscillating, Rotation, WallMotion, WallTime};

@@ -3,11 +3,16 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use haff_mechanics::{Restitution, Shape};
+use haff_mechanics::{Restitution, Shape, Surface};
 
 use crate::model::{
-    compression::Compression, drive::Drive, measure::Measure, shear::Shear, spin::Spin, wall_law::WallLaw,
-    wall_motion::WallMotion,
+    compression::Compression,
+    drive::Drive,
+    measure::Measure,
+    shear::Shear,
+    spin::Spin,
+    wall_law::WallLaw,
+    wall_motion::{WallMotion, WallTime},
 };
 
 /// Number of space dimensions.
@@ -128,15 +133,61 @@ pub struct Group {
 pub struct Wall {
     /// Name as in the scene; `x-`, `x+`, … for the walls of the domain.
     pub name: String,
-    /// A point of the plane at the reference time of a constant velocity, or on average [length].
+    /// A point of the plane at the reference time of a constant velocity, or on average [length]; of another
+    /// shape its displacement from where its surface has it.
     pub point: DVec3,
-    /// Unit normal, towards the particles.
+    /// Unit normal, towards the particles; of another shape the direction of its oscillation, or 0.
     pub normal: DVec3,
     /// Its motion.
     pub motion: WallMotion,
-    /// Its shape, if it is no half-space: the same plane with particles on both sides, or a surface of
-    /// another crate, with a `point` near it and `normal` 0. It does not move, and no grain rests on it.
+    /// Its shape, if it is no half-space: the same plane with particles on both sides, or another surface. No
+    /// grain rests on it.
     pub shape: Option<Shape>,
+}
+
+impl Wall {
+    /// The surface of a wall that is neither a half-space nor a partition.
+    pub(crate) fn surface(&self) -> Option<&'static dyn Surface> {
+        match self.shape {
+            Some(Shape::Named(named)) => Some(named.get()),
+            Some(Shape::Partition(_)) | None => None,
+        }
+    }
+
+    /// Signed distance of a position from the wall at a time \[length\]; of a partition, and of a surface
+    /// with particles on both sides, without sign.
+    #[must_use]
+    pub fn distance(&self, position: DVec3, at: impl WallTime) -> f64 {
+        let moved = || self.point + self.motion.displacement(self.normal, at);
+        match &self.shape {
+            None => (position - moved()).dot(self.normal),
+            Some(Shape::Partition(partition)) => partition.distance(position),
+            Some(Shape::Named(named)) => named.get().distance(position - moved()),
+        }
+    }
+
+    /// Unit normal of the wall at the point that is the nearest to a position at a time: the gradient of the
+    /// distance.
+    #[must_use]
+    pub fn normal_at(&self, position: DVec3, at: impl WallTime) -> DVec3 {
+        match &self.shape {
+            None => self.normal,
+            Some(Shape::Partition(partition)) => Surface::normal(partition, position),
+            Some(Shape::Named(named)) => {
+                let moved = self.point + self.motion.displacement(self.normal, at);
+                named.get().normal(position - moved)
+            }
+        }
+    }
+
+    /// The largest coordinates of a wall that has an end; of one without, those of a point \[length\].
+    pub(crate) fn coordinates(&self) -> DVec3 {
+        let around = match self.surface().map(Surface::bounds) {
+            Some((center, extent)) if extent.is_finite() => center.abs() + extent,
+            _ => DVec3::ZERO,
+        };
+        self.point.abs() + around
+    }
 }
 
 /// Laws of impact of every pair of contact groups and of every group with every wall.

@@ -1,6 +1,6 @@
 //! Walls whose motion changes while a run goes on.
 
-use haff_mechanics::Oscillation;
+use haff_mechanics::{Oscillation, Shape};
 
 use crate::{
     model::{
@@ -51,13 +51,21 @@ impl Wall {
             (_, WallMotion::Constant(new)) => {
                 let velocity = new.velocity;
                 // Where the wall moves within its plane, its position does not depend on the time.
-                let reference_time = if velocity.dot(self.normal) == 0.0 { 0.0 } else { at.high };
+                let is_plane = !matches!(self.shape, Some(Shape::Named(_)));
+                let is_same = is_plane && velocity.dot(self.normal) == 0.0;
+                let reference_time = if is_same { 0.0 } else { at.high };
                 let motion = WallMotion::Constant(ConstantVelocity { velocity, reference_time });
                 (motion, shift(&motion))
             }
-            (_, WallMotion::Fixed) => (WallMotion::Fixed, 0.0),
+            (_, WallMotion::Fixed | WallMotion::Rotating(_)) => (*motion, 0.0),
         };
-        let point = self.point + self.normal * (shift(&self.motion) - shift_after);
+        let point = if matches!(self.shape, Some(Shape::Named(_))) {
+            // In any direction, not along a normal.
+            let shift = |motion: &WallMotion| motion.displacement(self.normal, at);
+            self.point + shift(&self.motion) - shift(&motion)
+        } else {
+            self.point + self.normal * (shift(&self.motion) - shift_after)
+        };
         Self { point, motion, ..self.clone() }
     }
 }

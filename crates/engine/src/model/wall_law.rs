@@ -14,6 +14,8 @@ pub enum WallLaw {
     Restitution(Restitution),
     /// The particle leaves with a velocity drawn at the temperature of the wall.
     Thermal(ThermalWall),
+    /// None: the particle passes through the wall.
+    Passes,
 }
 
 impl From<Restitution> for WallLaw {
@@ -28,6 +30,7 @@ impl WallLaw {
         match self {
             Self::Restitution(law) => *law,
             Self::Thermal(wall) => wall.restitution,
+            Self::Passes => Restitution::Constant(1.0),
         }
     }
 
@@ -39,6 +42,7 @@ impl WallLaw {
             Self::Restitution(law) => falls(law),
             // A thermal reflection would end the series.
             Self::Thermal(wall) => wall.accommodation == 0.0 && falls(&wall.restitution),
+            Self::Passes => false,
         }
     }
 

@@ -18,6 +18,24 @@ pub enum WallMotion {
     Constant(ConstantVelocity),
     /// Shifted along the normal, about its given position.
     Oscillating(Oscillating),
+    /// Turned in itself: the place of its surface does not change.
+    Rotating(Rotation),
+}
+
+/// The rotation of a surface of revolution about its axis, or of a plane about a normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rotation {
+    /// A point of the axis \[length\].
+    pub point: DVec3,
+    /// Angular velocity along the axis [1/time].
+    pub angular_velocity: DVec3,
+}
+
+impl Rotation {
+    /// Velocity of the surface at a position [length/time].
+    fn velocity(&self, position: DVec3) -> DVec3 {
+        self.angular_velocity.cross(position - self.point)
+    }
 }
 
 /// A motion at a constant velocity.
@@ -124,13 +142,22 @@ impl WallMotion {
         !matches!(self, Self::Fixed)
     }
 
-    /// Velocity of a wall with this normal [length/time].
+    /// Velocity of a wall with this normal [length/time], without that of a rotation.
     #[inline]
     pub fn velocity(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
-            Self::Fixed => DVec3::ZERO,
+            Self::Fixed | Self::Rotating(_) => DVec3::ZERO,
             Self::Constant(motion) => motion.velocity,
             Self::Oscillating(motion) => normal * motion.oscillation.velocity(motion.at(at)),
+        }
+    }
+
+    /// Velocity of the surface of a wall with this normal at a position [length/time].
+    #[inline]
+    pub(crate) fn velocity_of_surface(&self, normal: DVec3, position: DVec3, at: impl WallTime) -> DVec3 {
+        match self {
+            Self::Rotating(rotation) => rotation.velocity(position),
+            _ => self.velocity(normal, at),
         }
     }
 
@@ -139,16 +166,16 @@ impl WallMotion {
     #[inline]
     pub fn displacement(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
-            Self::Fixed => DVec3::ZERO,
+            Self::Fixed | Self::Rotating(_) => DVec3::ZERO,
             Self::Constant(motion) => motion.displacement(at),
             Self::Oscillating(motion) => normal * motion.oscillation.shift(motion.at(at)),
         }
     }
 
-    /// Largest speed [length/time].
+    /// Largest speed [length/time], without that of a rotation.
     pub fn max_speed(&self) -> f64 {
         match self {
-            Self::Fixed => 0.0,
+            Self::Fixed | Self::Rotating(_) => 0.0,
             Self::Constant(motion) => motion.velocity.length(),
             Self::Oscillating(motion) => motion.oscillation.max_speed(),
         }
@@ -157,7 +184,7 @@ impl WallMotion {
     /// Acceleration along the normal [length/time²].
     pub(crate) fn acceleration(&self, at: impl WallTime) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) => 0.0,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.acceleration(motion.at(at)),
         }
     }
@@ -165,7 +192,7 @@ impl WallMotion {
     /// Largest magnitude of the acceleration [length/time²], without jumps of the velocity.
     pub(crate) fn max_acceleration(&self) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) => 0.0,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.max_acceleration(),
         }
     }
@@ -173,7 +200,7 @@ impl WallMotion {
     /// Time from `at` until the velocity next jumps \[time\]; infinite if it never does.
     pub(crate) fn time_to_jump(&self, at: impl WallTime) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) => f64::INFINITY,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => f64::INFINITY,
             Self::Oscillating(motion) => motion.oscillation.time_to_corner(motion.at(at)),
         }
     }
@@ -181,7 +208,7 @@ impl WallMotion {
     /// Duration of a cycle \[time\]; infinite without one.
     pub(crate) fn period(&self) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) => f64::INFINITY,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => f64::INFINITY,
             Self::Oscillating(motion) => 1.0 / motion.oscillation.frequency,
         }
     }
@@ -196,7 +223,7 @@ impl WallMotion {
     /// normal is `acceleration` [length/time²]; `None` if it never is.
     pub(crate) fn time_to_release(&self, acceleration: f64, at: impl WallTime) -> Option<f64> {
         match self {
-            Self::Fixed | Self::Constant(_) => None,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => None,
             Self::Oscillating(motion) => motion.oscillation.time_to_release(acceleration, motion.at(at)),
         }
     }
@@ -215,7 +242,7 @@ impl WallMotion {
     pub(crate) fn reference_time(&self) -> f64 {
         match self {
             Self::Constant(motion) => motion.reference_time,
-            Self::Fixed | Self::Oscillating(_) => 0.0,
+            Self::Fixed | Self::Oscillating(_) | Self::Rotating(_) => 0.0,
         }
     }
 
@@ -223,7 +250,7 @@ impl WallMotion {
     /// most this distance \[length\].
     pub(crate) fn bound(&self, normal: DVec3) -> (f64, f64) {
         match self {
-            Self::Fixed => (0.0, 0.0),
+            Self::Fixed | Self::Rotating(_) => (0.0, 0.0),
             Self::Constant(motion) => (motion.velocity.dot(normal), 0.0),
             Self::Oscillating(motion) => (0.0, motion.oscillation.amplitude),
         }
@@ -240,7 +267,7 @@ impl WallMotion {
     pub(crate) fn time_to_contact(&self, approach: &Approach, at: impl WallTime) -> Option<f64> {
         match self {
             // In the frame of the wall both have straight or parabolic paths.
-            Self::Fixed | Self::Constant(_) => {
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => {
                 time_to_plane(approach.distance, approach.rate, approach.acceleration)
             }
             Self::Oscillating(motion) => motion.oscillation.time_to_contact(

@@ -1,9 +1,10 @@
 //! Distances from walls, and contacts with them.
 
 use glam::DVec3;
+use haff_mechanics::{RelativeFlight, Surface, Swing};
 
 use crate::{
-    model::{Shape, wall_motion::Approach},
+    model::{Shape, WallMotion, bounds::allowed_overlap, wall_law::WallLaw, wall_motion::Approach},
     numerics::clock::HORIZON,
     state::{particle::Particle, world::World},
 };
@@ -21,6 +22,7 @@ impl World {
         ticks: i64,
     ) -> (f64, f64) {
         if let Some(shape) = &self.boundary.walls[wall as usize].shape {
+            let (position, velocity) = self.relative_to(wall, (position, velocity), ticks);
             let (distance, rate) = shape.surface().approach(position, velocity);
             return (distance - radius, rate);
         }
@@ -39,7 +41,8 @@ impl World {
         ((position - point).dot(wall.normal) - radius, relative.dot(wall.normal))
     }
 
-    /// Time from an anchor until its flight touches a wall \[ticks\]; `None` if it never does.
+    /// Time from an anchor until its flight touches a wall \[ticks\]; `None` if it never does. Contacts later
+    /// than `within` \[time\] are not wanted: some are found, others not.
     #[inline(always)]
     pub fn wall_contact(
         &self,
@@ -47,9 +50,13 @@ impl World {
         radius: f64,
         acceleration: DVec3,
         wall: u32,
+        within: f64,
     ) -> Option<f64> {
+        if self.laws.has_passages && self.wall_law(&self.classes[anchor.class()], wall) == WallLaw::Passes {
+            return None;
+        }
         if let Some(shape) = &self.boundary.walls[wall as usize].shape {
-            return self.surface_contact(anchor, radius, acceleration, shape);
+            return self.surface_contact(anchor, (radius, within), acceleration, (wall, shape));
         }
         let (distance, rate) =
             self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
@@ -69,15 +76,54 @@ impl World {
     fn surface_contact(
         &self,
         anchor: &Particle,
-        radius: f64,
+        (radius, within): (f64, f64),
         acceleration: DVec3,
-        shape: &Shape,
+        (wall, shape): (u32, &Shape),
     ) -> Option<f64> {
-        let within = ((self.now - anchor.time).max(0) as f64 + HORIZON) * self.clock.tick;
-        let surface = shape.surface();
-        let delay =
-            surface.time_to_contact(anchor.position, anchor.velocity, acceleration, radius, within)?;
+        let horizon = ((self.now - anchor.time).max(0) as f64 + HORIZON) * self.clock.tick;
+        let within = within.min(horizon);
+        let wall = &self.boundary.walls[wall as usize];
+        let mut flight = RelativeFlight::new(anchor.position, anchor.velocity, acceleration);
+        if matches!(shape, Shape::Named(_)) {
+            flight.position -= wall.point;
+            match &wall.motion {
+                WallMotion::Fixed | WallMotion::Rotating(_) => {}
+                WallMotion::Constant(motion) => {
+                    flight.position -= wall.motion.displacement(wall.normal, (&self.clock, anchor.time));
+                    flight.velocity -= motion.velocity;
+                }
+                WallMotion::Oscillating(motion) => {
+                    let (direction, cycles) = (wall.normal, motion.at((&self.clock, anchor.time)));
+                    flight.swing = Some(Swing { direction, oscillation: motion.oscillation, cycles });
+                }
+            }
+        }
+        let delay = shape.surface().time_to_contact(&flight, radius, within)?;
         Some(delay * self.clock.per_time)
+    }
+
+    /// Position and velocity relative to the surface of a wall, in the coordinates of this surface. Those of
+    /// a partition are those of the box.
+    fn relative_to(&self, wall: u32, (position, velocity): (DVec3, DVec3), ticks: i64) -> (DVec3, DVec3) {
+        let wall = &self.boundary.walls[wall as usize];
+        if wall.surface().is_none() {
+            return (position, velocity);
+        }
+        let at = (&self.clock, ticks);
+        let moved = wall.point + wall.motion.displacement(wall.normal, at);
+        (position - moved, velocity - wall.motion.velocity(wall.normal, at))
+    }
+
+    /// Signed distance of a position of particle i from a wall at present \[length\]: of a closed surface
+    /// negative on the wrong side. Infinite if the particle passes through the wall.
+    pub fn wall_distance(&self, i: u32, wall: u32, position: DVec3) -> f64 {
+        if self.laws.has_passages && self.wall_law(self.class(i), wall) == WallLaw::Passes {
+            return f64::INFINITY;
+        }
+        if let Some(surface) = self.boundary.walls[wall as usize].surface() {
+            return surface.distance(self.relative_to(wall, (position, DVec3::ZERO), self.now).0);
+        }
+        self.wall_approach(wall, 0.0, position, DVec3::ZERO, self.now).0
     }
 
     /// Whether a wall is at rest, under gravity, and perpendicular to an axis. A contact with such a wall has
@@ -92,13 +138,26 @@ impl World {
             && wall.normal.abs().max_element() == 1.0
     }
 
-    /// Unit normal of a wall towards a particle in contact.
+    /// Unit normal of a wall towards particle i in contact, with this position and velocity at `ticks`: in an
+    /// edge that of the side which the particle approaches.
     #[inline]
-    pub fn wall_normal(&self, wall: u32, position: DVec3) -> DVec3 {
-        let wall = &self.boundary.walls[wall as usize];
-        match &wall.shape {
-            Some(shape) => shape.surface().normal(position),
-            None => wall.normal,
+    pub fn contact_normal(&self, i: u32, wall: u32, state: (DVec3, DVec3), ticks: i64) -> DVec3 {
+        match &self.boundary.walls[wall as usize].shape {
+            None => self.boundary.walls[wall as usize].normal,
+            Some(Shape::Partition(partition)) => partition.normal(state.0),
+            Some(Shape::Named(_)) => self.surface_normal(i, wall, state, ticks),
         }
+    }
+
+    /// [`Self::contact_normal`] of a wall that is neither a half-space nor a partition.
+    #[inline(never)]
+    fn surface_normal(&self, i: u32, wall: u32, state: (DVec3, DVec3), ticks: i64) -> DVec3 {
+        let plane = &self.boundary.walls[wall as usize];
+        let Some(surface) = plane.surface() else { return plane.normal };
+        let (position, velocity) = self.relative_to(wall, state, ticks);
+        let radius = self.class(i).radius;
+        let coordinates = self.coordinates(i).max(state.0.abs()).max(plane.coordinates()).max_element();
+        let slack = allowed_overlap(radius, coordinates + self.resolution.extent);
+        surface.contact_normal(position, velocity, radius + slack)
     }
 }

@@ -6,17 +6,21 @@
 use glam::DVec3;
 
 use crate::{
-    model::Shape,
+    model::{Shape, Surface, WallMotion},
     state::{particle::Particle, world::World},
 };
 
 /// Rounding of a distance from a wall is less than this part of the extent of the system.
 const SLACK: f64 = 1e-9;
 
-/// The walls of a system as planes.
+/// Contacts with walls are searched for this much longer than they are wanted, for the rounding of times.
+pub(crate) const LATER: f64 = 1.0 + 1e-9;
+
+/// The walls of a system as planes, and those of other shapes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {
-    planes: Vec<FilteredPlane>,
+    flat: Vec<FilteredPlane>,
+    shapes: Vec<FilteredShape>,
     /// Distances up to this are treated as contacts [length].
     slack: f64,
 }
@@ -34,13 +38,27 @@ struct FilteredPlane {
     /// Of a wall with particles on both sides: how far the farthest place of the wall to the other side is
     /// behind `offset` [length].
     swing: Option<f64>,
+    /// Its index.
+    wall: u32,
+}
+
+/// A wall that is neither a half-space nor a partition.
+#[derive(Debug, Clone, Copy)]
+struct FilteredShape {
+    surface: &'static dyn Surface,
+    /// Its index.
+    wall: u32,
 }
 
 impl Planes {
     pub fn new(world: &World) -> Self {
-        let planes = world.boundary.walls.iter().map(|wall| {
+        let walls = || world.boundary.walls.iter().zip(0..);
+        let shapes =
+            walls().filter_map(|(wall, index)| Some(FilteredShape { surface: wall.surface()?, wall: index }));
+        let planes = walls().filter(|(wall, _)| wall.surface().is_none()).map(|(wall, index)| {
             let (speed, amplitude) = wall.motion.bound(wall.normal);
             FilteredPlane {
+                wall: index,
                 normal: wall.normal,
                 offset: wall.point.dot(wall.normal) + amplitude,
                 reference_time: wall.motion.reference_time(),
@@ -52,9 +70,9 @@ impl Planes {
             .boundary
             .walls
             .iter()
-            .map(|wall| wall.point.length())
+            .map(|wall| wall.coordinates().length())
             .fold(world.periodicity(world.now).size.length(), f64::max);
-        Self { planes: planes.collect(), slack: SLACK * extent }
+        Self { flat: planes.collect(), shapes: shapes.collect(), slack: SLACK * extent }
     }
 
     /// Calls `predict` for each wall that a particle with this anchor can touch within the `duration` [time]
@@ -70,7 +88,7 @@ impl Planes {
         mut predict: impl FnMut(u32),
     ) {
         let time = world.clock.time(anchor.time);
-        for (wall, plane) in self.planes.iter().enumerate() {
+        for plane in &self.flat {
             let height = plane.normal.dot(anchor.position)
                 - plane.offset
                 - plane.speed * (time - plane.reference_time);
@@ -84,7 +102,41 @@ impl Planes {
             // Not larger than the smallest distance: an acceleration away from the wall is left out.
             let approach = rate.min(0.0) + 0.5 * pull.min(0.0) * duration;
             if distance + approach * duration <= self.slack {
-                predict(wall as u32);
+                predict(plane.wall);
+            }
+        }
+        if !self.shapes.is_empty() {
+            let strength = acceleration.length();
+            self.for_each_shape_in_reach(world, anchor, (radius, strength), duration, predict);
+        }
+    }
+
+    /// [`Self::for_each_in_reach`] for shapes, by their distance: it falls no faster than the particle moves.
+    #[inline(never)]
+    fn for_each_shape_in_reach(
+        &self,
+        world: &World,
+        anchor: &Particle,
+        (radius, strength): (f64, f64),
+        duration: f64,
+        mut predict: impl FnMut(u32),
+    ) {
+        for &FilteredShape { surface, wall } in &self.shapes {
+            let plane = &world.boundary.walls[wall as usize];
+            let (mut position, mut velocity) = (anchor.position - plane.point, anchor.velocity);
+            let mut reach = radius + self.slack;
+            match &plane.motion {
+                WallMotion::Fixed | WallMotion::Rotating(_) => {}
+                WallMotion::Constant(motion) => {
+                    position -= plane.motion.displacement(plane.normal, (&world.clock, anchor.time));
+                    velocity -= motion.velocity;
+                }
+                WallMotion::Oscillating(motion) => reach += motion.oscillation.amplitude,
+            }
+            reach += (velocity.length() + 0.5 * strength * duration) * duration;
+            // Also where it is not a number.
+            if !reach.is_finite() || surface.is_near(position, reach) {
+                predict(wall);
             }
         }
     }

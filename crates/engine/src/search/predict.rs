@@ -463,7 +463,7 @@ pub(crate) fn predict_walls<F: Features>(
             continue;
         }
         let wall = u32::from(wall);
-        if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall) {
+        if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall, f64::INFINITY) {
             earliest.offer_after(particle.time, delay, SearchEvent::Wall(wall), 0);
         }
     }

@@ -402,10 +402,8 @@ fn drop_unused_classes(system: &mut System) {
 
 /// The wall that particle i overlaps with most, in words.
 fn nearest_wall(system: &System, world: &World, i: u32) -> String {
-    let (position, velocity) = world.state(i, world.now);
-    let gap = |wall: usize| {
-        world.wall_approach(wall as u32, world.class(i).radius, position, velocity, world.now).0
-    };
+    let (position, _) = world.state(i, world.now);
+    let gap = |wall: usize| world.wall_distance(i, wall as u32, position);
     let nearest = (0..world.boundary.walls.len()).min_by(|&a, &b| gap(a).total_cmp(&gap(b)));
     nearest.map_or_else(String::new, |wall| format!("wall \"{}\"", system.walls[wall].name))
 }

@@ -27,7 +27,7 @@ pub fn critical_length(system: &System) -> Option<f64> {
         && system.domain.shear.is_none()
         && system.domain.compression.is_none()
         && system.drives.is_empty();
-    let moved = system.walls.iter().any(|wall| wall.motion.max_speed() > 0.0)
+    let moved = system.walls.iter().any(|wall| wall.motion.is_moving())
         || system.contacts.wall.iter().any(WallLaw::is_thermal)
         || system.classes.iter().any(|class| class.mass.is_infinite());
     if !closed || !free || moved || system.contacts.tc > 0.0 || system.spin.is_some() {

@@ -321,7 +321,11 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     })?;
 
     let walls = world.boundary.walls.iter().map(|wall| {
-        (wall.point + wall.motion.displacement(wall.normal, Instant::at(time))).abs().max_element()
+        let shift = wall.motion.displacement(wall.normal, Instant::at(time));
+        if wall.shape.is_some() {
+            return (wall.coordinates() + shift.abs()).max_element();
+        }
+        (wall.point + shift).abs().max_element()
     });
     let farthest = walls.fold(farthest.max(extent), f64::max);
     let deepest = overlap::deepest(world, &geometry(system, world, f64::INFINITY)).deepest;

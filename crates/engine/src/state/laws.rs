@@ -12,6 +12,8 @@ pub(crate) struct Laws {
     pub restitution: Vec<Restitution>,
     /// By group and wall.
     pub of_walls: Vec<WallLaw>,
+    /// Whether any group passes through any wall.
+    pub has_passages: bool,
     /// Number of groups.
     pub groups: usize,
     /// Contact duration of the TC model \[time\]; 0 without it.
@@ -31,6 +33,7 @@ impl Laws {
         Self {
             restitution: system.contacts.pair.clone(),
             of_walls: system.contacts.wall.clone(),
+            has_passages: system.contacts.wall.contains(&WallLaw::Passes),
             groups: system.groups.len(),
             tc: system.contacts.tc,
             contact_times: ContactTimes::of(system),

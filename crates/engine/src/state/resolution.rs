@@ -52,7 +52,7 @@ fn given_speed(system: &System) -> f64 {
     });
     let thermal = system.contacts.wall.iter().filter_map(|law| match law {
         WallLaw::Thermal(wall) => Some((wall.temperature / lightest).sqrt()),
-        WallLaw::Restitution(_) => None,
+        WallLaw::Restitution(_) | WallLaw::Passes => None,
     });
     FAST * driven.chain(thermal).fold(0.0, f64::max)
 }

@@ -24,10 +24,8 @@ pub(crate) fn normals(world: &World, gap: f64, i: u32, near: impl Iterator<Item 
         .collect();
     let radius = world.body(i).radius;
     for (wall, plane) in world.boundary.walls.iter().enumerate() {
-        if !plane.motion.is_moving()
-            && world.wall_approach(wall as u32, radius, position, DVec3::ZERO, world.now).0 <= gap
-        {
-            normals.push(plane.normal);
+        if !plane.motion.is_moving() && world.wall_distance(i, wall as u32, position) - radius <= gap {
+            normals.push(world.contact_normal(i, wall as u32, (position, DVec3::ZERO), world.now));
         }
     }
     normals

@@ -6,7 +6,7 @@ use haff_neighbors::{Axis, Geometry, Plane};
 use rayon::prelude::*;
 
 use crate::{
-    model::{Boundary, Dimension, System, Wall},
+    model::{Boundary, Dimension, Shape, System, Wall, WallMotion},
     state::world::World,
 };
 
@@ -34,8 +34,17 @@ pub(crate) fn axes(system: &System) -> [Axis; 3] {
 
 /// The walls of a system, as searches have them.
 pub(crate) fn planes(system: &System) -> Vec<Plane> {
-    let plane =
-        |wall: &Wall| Plane { point: wall.point, normal: wall.normal, sweep: wall.motion.sweep(wall.normal) };
+    let plane = |wall: &Wall| {
+        let surface = match wall.shape {
+            Some(Shape::Named(named)) => Some(named),
+            _ => None,
+        };
+        let is_constant = matches!(wall.motion, WallMotion::Constant(_));
+        // Along any direction, for a surface.
+        let sweep =
+            if surface.is_some() && is_constant { f64::INFINITY } else { wall.motion.sweep(wall.normal) };
+        Plane { point: wall.point, normal: wall.normal, sweep, surface }
+    };
     system.walls.iter().map(plane).collect()
 }
 

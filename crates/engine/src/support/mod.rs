@@ -17,4 +17,4 @@ pub(crate) mod geometry;
 pub(crate) mod grid;
 pub(crate) mod overlap;
 
-pub use overlap::{Overlap, allowed_overlap};
+pub use overlap::Overlap;

@@ -3,11 +3,12 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use haff_neighbors::Geometry;
 use rayon::prelude::*;
 
 use crate::{
+    model::bounds::allowed_overlap,
     numerics::tuning::particles,
     state::{periodicity::Periodicity, sliding_images::SlidingImages, world::World},
     support::grid::{Level, Slabs, levels, visit_pairs, visit_pairs_across_sheared_faces, wrapped_position},
@@ -24,19 +25,6 @@ const ROUNDING: f64 = 1e-14;
 /// Bound on rounding errors in single precision: of positions, relative to the largest coordinate or length,
 /// and of sums of radii, relative to the sum. Several times the largest possible error.
 const COARSE: f32 = 1e-6;
-
-/// Largest overlap with which a run continues [contact distances].
-const ALLOWED: f64 = 1e-12;
-/// The same bound in units of ε times the largest coordinate or free path. The larger of the two applies.
-const ROUNDINGS: f64 = 16.0;
-
-/// Largest overlap with which a run continues \[length\], for bodies with the contact distance `sigma`
-/// \[length\]. `reach` \[length\] is what rounding errors are relative to: the largest of their coordinates
-/// and of the lengths of their flights since their own last events, plus the extent of the system. The time
-/// of a contact is rounded to ticks so short that no particle moves by more than 16 ε of the extent in one.
-pub fn allowed_overlap(sigma: f64, reach: f64) -> f64 {
-    f64::max(ALLOWED * sigma, ROUNDINGS * f64::EPSILON * reach)
-}
 
 /// The deepest overlap of all close pairs and of particles with walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -147,10 +135,10 @@ impl<'a> OverlapSearch<'a> {
     fn test_walls(&mut self, i: u32) {
         let (position, radius) = (wrapped_position(self.world, i), self.world.class(i).radius);
         for wall in 0..self.world.boundary.walls.len() as u32 {
-            let (gap, _) = self.world.wall_approach(wall, radius, position, DVec3::ZERO, self.world.now);
+            let gap = self.world.wall_distance(i, wall, position) - radius;
             if gap < 0.0 && self.world.body(i).inverse_mass != 0.0 {
                 let overlap = Overlap { depth: -gap / radius, pair: Some((i, None)) };
-                let point = self.world.boundary.walls[wall as usize].point.abs().max_element();
+                let point = self.world.boundary.walls[wall as usize].coordinates().max_element();
                 self.found.add(overlap, radius, self.reach(i).max(point));
             }
         }
@@ -221,6 +209,7 @@ fn across_sheared_faces(world: &World, shear: &SlidingImages, reach: f64) -> Fou
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
     use haff_testing::Random;
 
     use super::*;

@@ -22,6 +22,7 @@ mod rest;
 mod rough;
 mod rounding;
 mod searches;
+mod shapes;
 mod shear;
 mod thermal_walls;
 mod unsafe_code;

@@ -234,8 +234,13 @@ fn beside_a_sphere(
     let ball = Ball { center, radius, side };
     let surface = NamedSurface::of("ball", &format!("{ball:?}"), Box::new(ball));
     let shape = Some(Shape::Named(surface));
-    let wall =
-        Wall { name: "ball".into(), point: center, normal: DVec3::ZERO, motion: WallMotion::Fixed, shape };
+    let wall = Wall {
+        name: "ball".into(),
+        point: DVec3::ZERO,
+        normal: DVec3::ZERO,
+        motion: WallMotion::Fixed,
+        shape,
+    };
     let law = scene.contacts.wall.first().copied();
     scene.walls.push(wall);
     let grain = class(&mut scene, 0.3, 1.0);

@@ -15,7 +15,7 @@ use former::{FORMER, REPLAYED};
 use glam::DVec3;
 use haff_engine::{
     Body, Boundary, Drive, DriveKind, EngineError, EventKind, EventRecord, KickTimes, NeighborChoice,
-    Options, Sample, SearchSupport, SimdChoice, Simulation, Stop, System, Until, WallLaw, WallMotion,
+    Options, Sample, SearchSupport, SimdChoice, Simulation, Stop, System, Until, Wall, WallLaw, WallMotion,
     searches,
 };
 use proptest::prelude::*;
@@ -104,7 +104,7 @@ fn given_speed(system: &System, time: f64) -> f64 {
     });
     let thermal = system.contacts.wall.iter().filter_map(|law| match law {
         WallLaw::Thermal(wall) => Some(wall.temperature / lightest),
-        WallLaw::Restitution(_) => None,
+        WallLaw::Restitution(_) | WallLaw::Passes => None,
     });
     6.0 * driven.chain(thermal).fold(0.0, f64::max).sqrt()
 }
@@ -260,7 +260,8 @@ fn check_laws(
             if level && !wall.motion.is_moving() {
                 return 0.0;
             }
-            momentum_at(body, event) * speed_at(body, event) + 2.0 * event.impulse * wall.motion.max_speed()
+            let speed = wall.motion.max_speed() + turning(wall, event.position);
+            momentum_at(body, event) * speed_at(body, event).max(speed) + 2.0 * event.impulse * speed
         })
         .sum();
     let kicked: f64 =
@@ -312,6 +313,14 @@ fn check_laws(
     let allowed = 1e-13 * scale + f64::EPSILON * (impulses * rounded + kicked + fallen + along_flow);
     prop_assert!(off <= allowed, "momentum is off by {off:e} of {scale:e}, allowed {allowed:e}");
     Ok(())
+}
+
+/// Speed of the surface of a wall that turns, at a position.
+fn turning(wall: &Wall, position: DVec3) -> f64 {
+    match wall.motion {
+        WallMotion::Rotating(rotation) => rotation.angular_velocity.cross(position - rotation.point).length(),
+        _ => 0.0,
+    }
 }
 
 /// Velocity of the flow at a position and a time.

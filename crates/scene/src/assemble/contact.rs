@@ -47,6 +47,14 @@ impl Assembler<'_> {
                     let why = "a wall of domain.boundary does not move: give a plane, and open that axis";
                     self.document.report(&item("wall", k, "velocity"), why);
                 }
+                if config.offset.is_some() {
+                    let why = "is for shapes: a wall of domain.boundary has a displacement";
+                    self.document.report(&item("wall", k, "offset"), why);
+                }
+                if config.passes.is_some() {
+                    let why = "nothing passes through a wall of domain.boundary, which closes the box: give a plane";
+                    self.document.report(&item("wall", k, "passes"), why);
+                }
                 self.reference_time(k, config);
                 self.displacement(k, config);
                 continue;
@@ -54,12 +62,25 @@ impl Assembler<'_> {
             if config.name.is_none() {
                 self.document.report_missing(&item("wall", k, "name"), "missing: a wall needs a name");
             }
-            if let Some(name) = &config.surface {
-                walls.extend(self.surface_wall(k, name, config));
+            let is_plane = config.plane.as_ref().is_some_and(|plane| plane.extent.is_none());
+            let shapes = config.shapes().iter().filter(|(_, given)| *given).count();
+            if config.has_shape() && (shapes > 1 || !is_plane) {
+                walls.extend(self.shaped_wall(k, config, domain));
                 continue;
             }
             if config.parameters.is_some() {
                 self.document.report(&item("wall", k, "parameters"), "are those of a surface: name it");
+            }
+            if config.offset.is_some() {
+                self.document.report(&item("wall", k, "offset"), "is for other shapes: displace plane.point");
+            }
+            if config.motion.as_ref().is_some_and(|motion| motion.direction.is_some()) {
+                let why = "is for other shapes: a plane oscillates along its normal";
+                self.document.report(&item("wall", k, "motion.direction"), why);
+            }
+            if config.plane.as_ref().is_some_and(|plane| plane.along.is_some()) {
+                let why = "is the direction of the first edge of plane.extent: give it";
+                self.document.report(&item("wall", k, "plane.along"), why);
             }
             let plane = config.plane.clone().unwrap_or_default();
             let errors = self.document.count();
@@ -69,7 +90,7 @@ impl Assembler<'_> {
                     return self.vector(&path, value);
                 }
                 if required {
-                    let why = "missing: a wall needs plane = { point = […], normal = […] }, or the name of a wall of domain.boundary";
+                    let why = "missing: a wall needs plane = { point = […], normal = […] }, another shape, or the name of a wall of domain.boundary";
                     self.document.report_missing(&path, why);
                 }
                 glam::DVec3::ZERO
@@ -97,6 +118,9 @@ impl Assembler<'_> {
                 Wall { name: config.name.clone().unwrap_or_default(), point, normal, motion, shape: None };
             if self.document.count() == errors {
                 wall.shape = self.partition(k, config, &wall).map(Shape::Partition);
+                if let Some(rotation) = self.rotation(k, config, Some((point, normal))) {
+                    wall.motion = WallMotion::Rotating(rotation);
+                }
             }
             walls.push(wall);
         }
@@ -245,6 +269,13 @@ impl Assembler<'_> {
                     let restitution = law.restitution();
                     *law = WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution });
                 }
+            }
+        }
+        for (k, config) in configs.iter().enumerate().filter(|(_, config)| config.passes.is_some()) {
+            let passing = self.passing(k, config, &names.all);
+            let Some(index) = indices_of_walls[k] else { continue };
+            for group in (0..groups).filter(|&group| passing[group]) {
+                wall[group * walls.len() + index] = WallLaw::Passes;
             }
         }
         Contacts { pair, wall, tc, rest_speed: self.rest_speed() }

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use haff_engine::{Instant, Oscillating, Wall, WallMotion};
+use haff_engine::{Instant, Oscillating, Shape, Wall, WallMotion};
 use haff_mechanics::{Oscillation, Waveform};
 
 use super::names::wall_indices;
@@ -49,6 +49,9 @@ impl Assembler<'_> {
         let is_set = |key: &str| self.document.is_overridden(&item("wall", k, key));
         let position = match &config.plane {
             Some(plane) => plane.point.is_some() && is_set("plane.point"),
+            None if config.has_shape() => {
+                config.shapes().iter().any(|(key, _)| is_set(key)) || is_set("offset")
+            }
             None => config.displacement.is_some() && is_set("displacement"),
         };
         let phase = config.motion.as_ref().is_some_and(|motion| motion.phase.is_some());
@@ -77,7 +80,7 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
         config.motion = None;
     }
     let is_zero = |velocity: &Vec<f64>| velocity.iter().all(|&component| component == 0.0);
-    if config.plane.is_none() && changed.velocity && config.velocity.as_ref().is_some_and(is_zero) {
+    if !config.has_shape() && changed.velocity && config.velocity.as_ref().is_some_and(is_zero) {
         // A wall of the domain has no velocity, but it can be stopped.
         config.velocity = None;
     }
@@ -91,7 +94,7 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
             // The given position is the present one.
             WallMotion::Constant(_) if changed.position => Some(now.high),
             WallMotion::Constant(motion) => Some(motion.reference_time),
-            WallMotion::Fixed | WallMotion::Oscillating(_) => None,
+            WallMotion::Fixed | WallMotion::Oscillating(_) | WallMotion::Rotating(_) => None,
         }
         .filter(|&time| time != 0.0);
     }
@@ -108,6 +111,7 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
         return;
     }
     match &mut config.plane {
+        _ if matches!(old.shape, Some(Shape::Named(_))) => config.offset = Some(point.to_array().to_vec()),
         Some(plane) => {
             let given = plane.point.iter_mut().flatten();
             given.zip(point.to_array()).for_each(|(component, value)| *component = value);

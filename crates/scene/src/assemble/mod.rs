@@ -24,13 +24,16 @@ mod going_on;
 mod growth;
 mod joints;
 mod measure;
+mod mesh;
 mod motion;
 mod names;
 mod particles;
 mod partition;
 mod placement;
 mod plan;
+mod region;
 mod scaling;
+mod shape;
 mod shear;
 mod sizes;
 mod spin;
@@ -250,7 +253,7 @@ impl Assembler<'_> {
         // Scenes with joints have few bodies, and their joints are checked at the start.
         let at_start = matches!(self.start, Start::Scene) || self.has_joints();
         if at_start {
-            self.check_places(&system_domain, &walls, &mut rows, state.as_ref());
+            self.check_places(&system_domain, &walls, &mut rows, state.as_ref(), &contacts);
             self.gate()?;
             self.place_species(&system_domain, &walls, &mut rows, &initial);
             self.gate()?;

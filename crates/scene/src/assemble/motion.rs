@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use haff_engine::{Domain, Instant, Oscillating, Wall, WallMotion};
+use haff_engine::{Domain, Instant, Oscillating, Rotation, Shape, Wall, WallMotion};
 use haff_mechanics::{Oscillation, Waveform};
 
 use super::names::wall_indices;
@@ -11,11 +11,6 @@ use super::particles::Rows;
 use super::values::{LARGEST, at, item, positive};
 use super::{Assembler, Start};
 use crate::config::{MotionConfig, MotionKindConfig, WallConfig};
-
-/// Where a wall is at time 0.
-pub(super) fn at_start(wall: &Wall) -> DVec3 {
-    wall.point + wall.motion.displacement(wall.normal, Instant::ZERO)
-}
 
 /// A wall of the domain is outside by at most this part of the edge: the searches for partners have
 /// coordinates for the box and its surroundings.
@@ -32,11 +27,29 @@ pub(super) fn is_displaced(wall: &Wall, domain: &Domain) -> bool {
 fn mean_position(wall: &Wall, at: Instant) -> DVec3 {
     match wall.motion {
         WallMotion::Constant(_) => wall.point + wall.motion.displacement(wall.normal, at),
-        WallMotion::Fixed | WallMotion::Oscillating(_) => wall.point,
+        WallMotion::Fixed | WallMotion::Oscillating(_) | WallMotion::Rotating(_) => wall.point,
+    }
+}
+
+/// The normal of the face of the box with this name.
+fn normal_of_face(name: &str) -> Option<DVec3> {
+    let axis = "xyz".find(name.get(..1)?)?;
+    match name.get(1..)? {
+        "-" => Some(DVec3::AXES[axis]),
+        "+" => Some(-DVec3::AXES[axis]),
+        _ => None,
     }
 }
 
 impl Assembler<'_> {
+    /// The rotation of a wall of the domain with this normal, in its own plane.
+    fn face_rotation(&mut self, k: usize, config: &WallConfig, normal: DVec3) -> Option<Rotation> {
+        // As for a plane: any point will do.
+        let plane = Some(crate::config::PlaneConfig::default());
+        let config = WallConfig { plane, ..config.clone() };
+        self.rotation(k, &config, Some((DVec3::ZERO, normal)))
+    }
+
     /// The reference time of an entry of `[[wall]]`, if it is given and valid.
     pub(super) fn reference_time(&mut self, k: usize, config: &WallConfig) -> Option<f64> {
         let time = config.reference_time?;
@@ -98,7 +111,11 @@ impl Assembler<'_> {
         let mut motions = Vec::with_capacity(configs.len());
         for (k, config) in configs.iter().enumerate() {
             let Some(motion) = &config.motion else {
-                motions.push(None);
+                // A wall of the domain turns about its normal through any point.
+                let of_domain = !config.has_shape() && config.rotation.is_some();
+                let normal = config.name.as_deref().and_then(normal_of_face).filter(|_| of_domain);
+                let rotation = normal.and_then(|normal| self.face_rotation(k, config, normal));
+                motions.push(rotation.map(WallMotion::Rotating));
                 continue;
             };
             for (key, given) in
@@ -183,7 +200,12 @@ impl Assembler<'_> {
             let mean = mean_position(wall, now);
             let amplitude = motion.sweep(wall.normal);
             let path = item("wall", k, "motion.amplitude");
-            for other in walls.iter().enumerate().filter(|(j, _)| *j != index).map(|(_, other)| other) {
+            let is_named = |wall: &Wall| matches!(wall.shape, Some(Shape::Named(_)));
+            if amplitude == 0.0 {
+                continue;
+            }
+            let others = walls.iter().enumerate().filter(|(j, other)| *j != index && !is_named(other));
+            for (_, other) in others.filter(|_| !is_named(wall)) {
                 let gap = (mean_position(other, now) - mean).dot(wall.normal);
                 let sweep =
                     Some(other.motion.sweep(other.normal)).filter(|sweep| sweep.is_finite()).unwrap_or(0.0);
@@ -198,7 +220,11 @@ impl Assembler<'_> {
                 }
             }
             for (row, position, radius) in &fixed {
-                let gap = (*position - mean).dot(wall.normal) - radius;
+                let gap = if is_named(wall) {
+                    Wall { motion: WallMotion::Fixed, ..wall.clone() }.distance(*position, now) - radius
+                } else {
+                    (*position - mean).dot(wall.normal) - radius
+                };
                 if gap < amplitude {
                     let why = format!(
                         "must be at most {gap}: the wall would sweep through the fixed particle {row}"

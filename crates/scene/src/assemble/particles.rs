@@ -127,6 +127,9 @@ impl Assembler<'_> {
             if let Some(temperature) = config.temperature {
                 not_negative(&mut self.document, &path("temperature"), temperature);
             }
+            if let Some(region) = &config.region {
+                self.region(k, region);
+            }
             let name = config.name.clone().unwrap_or_default();
             plans.push(SpeciesPlan { name, count, radius, mass, temperature: config.temperature });
         }
@@ -192,9 +195,14 @@ impl Assembler<'_> {
         if species == 0 {
             return Initial { positions: None, temperature: None };
         }
+        let regions = self.config.species.iter().flatten().filter(|species| species.region.is_some()).count();
+        let usual = if regions > 0 { PackingConfig::Random } else { PackingConfig::Lattice };
         let initial = self.config.initial.get_or_insert_with(InitialConfig::default);
-        let positions =
-            initial.positions.get_or_insert(PositionsConfig::Packing(PackingConfig::Lattice)).clone();
+        let positions = initial.positions.get_or_insert(PositionsConfig::Packing(usual)).clone();
+        if regions > 0 && positions != PositionsConfig::Packing(PackingConfig::Random) {
+            let why = "must be \"random\" for species with a region";
+            self.document.report(&at(["initial", "positions"]), why);
+        }
         let path = at(["initial", "positions"]);
         match &positions {
             PositionsConfig::File(file) => {

@@ -34,10 +34,6 @@ impl Assembler<'_> {
             let why = "a partition does not work with pendulums, springs, rods or sticking contacts";
             self.document.report(&item("wall", k, "plane"), why);
         }
-        if self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0) {
-            let why = "a partition does not work with contact.rest_speed";
-            self.document.report(&item("wall", k, "plane"), why);
-        }
         let hole = plane.hole.as_ref().and_then(|hole| self.hole(k, hole, wall));
         Some(Partition { point: wall.point, normal: wall.normal, hole })
     }
@@ -67,22 +63,11 @@ impl Assembler<'_> {
     /// Checks partitions against the box and the particles.
     pub(super) fn check_partitions(&mut self, walls: &[Wall], domain: &Domain, rows: &Rows) {
         let largest = (0..rows.bodies.len()).map(|row| rows.radius(row)).fold(0.0, f64::max);
-        let first = walls.len() - self.planes();
+        let first = walls.len().saturating_sub(self.planes());
         let configs = self.config.wall.clone().unwrap_or_default();
-        let places = configs.iter().enumerate().filter(|(_, config)| has_shape(config)).map(|(k, _)| k);
+        let places = configs.iter().enumerate().filter(|(_, config)| config.has_shape()).map(|(k, _)| k);
         for (wall, k) in walls[first..].iter().zip(places) {
-            if let Some(Shape::Named(_)) = &wall.shape
-                && domain.boundary[..self.dimension.count()].contains(&Boundary::Periodic)
-            {
-                let why = "does not work in a periodic box: use walls or open axes";
-                self.document.report(&item("wall", k, "surface"), why);
-            }
             let Some(Shape::Partition(partition)) = &wall.shape else { continue };
-            let along = domain.gravity.dot(wall.normal);
-            if along.abs() > 1e-12 * domain.gravity.length() {
-                let why = "must be perpendicular to gravity: grains do not rest on a partition";
-                self.document.refuse(&item("wall", k, "plane.normal"), why);
-            }
             let Some(hole) = &partition.hole else { continue };
             if domain.boundary[..self.dimension.count()].contains(&Boundary::Periodic) {
                 let why = "does not work in a periodic box: use walls or open axes";
@@ -97,11 +82,6 @@ impl Assembler<'_> {
 
     /// Number of entries of `[[wall]]` that are walls of their own.
     fn planes(&self) -> usize {
-        self.config.wall.iter().flatten().filter(|wall| has_shape(wall)).count()
+        self.config.wall.iter().flatten().filter(|wall| wall.has_shape()).count()
     }
-}
-
-/// Whether an entry of `[[wall]]` is a wall of its own, not one of the boundary.
-fn has_shape(config: &WallConfig) -> bool {
-    config.plane.is_some() || config.surface.is_some()
 }

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Boundary, Class, Dimension, Domain, Wall, bounds, significant};
+use haff_engine::{
+    Boundary, Class, Contacts, Dimension, Domain, Instant, Wall, WallLaw, bounds, significant,
+};
 
 use super::domain::{TOLERANCE, more_room};
-use super::motion::{at_start, is_displaced};
+use super::motion::is_displaced;
 use super::particles::{Initial, Rows, SpeciesPlan};
 use super::shear::beside_displaced_images;
 use super::values::{at, item};
@@ -16,7 +18,7 @@ use crate::model::state::State;
 use crate::placement::grid::{Periods, overlaps};
 use crate::placement::import;
 use crate::placement::packing::{
-    Room,
+    Region, Room,
     growth::{self, Company, packing_fraction},
     lattice::lattice,
     loose,
@@ -145,6 +147,7 @@ impl Assembler<'_> {
         walls: &[Wall],
         rows: &mut Rows,
         state: Option<&State>,
+        contacts: &Contacts,
     ) {
         let d = self.dimension.count();
         let from_file = at(["initial", "positions"]);
@@ -184,11 +187,12 @@ impl Assembler<'_> {
                     self.document.report(&path, text);
                 }
             }
-            for wall in walls {
-                let distance = match &wall.shape {
-                    Some(shape) => shape.surface().distance(position),
-                    None => (position - at_start(wall)).dot(wall.normal),
-                };
+            let group = rows.classes[rows.bodies[row].class as usize].group as usize;
+            for (index, wall) in walls.iter().enumerate() {
+                if contacts.wall[group * walls.len() + index] == WallLaw::Passes {
+                    continue;
+                }
+                let distance = wall.distance(position, Instant::ZERO);
                 // Far from the origin the rounding of coordinates is significant.
                 let slack = TOLERANCE
                     * (radius + wall.point.abs().max_element().max(position.abs().max_element()) * 1e-3);
@@ -207,7 +211,12 @@ impl Assembler<'_> {
         }
         let position: Vec<DVec3> = rows.bodies[first..].iter().map(|body| body.position).collect();
         let radius: Vec<f64> = (first..rows.bodies.len()).map(|row| rows.radius(row)).collect();
-        let pairs = overlaps(&position, &radius, Periods::aligned(domain), TOLERANCE, |_, _| false);
+        // Fixed bodies that share a velocity may overlap each other: they never touch.
+        let are_glued = |i: usize, j: usize| {
+            let [i, j] = [i + first, j + first];
+            rows.is_fixed(i) && rows.is_fixed(j) && rows.bodies[i].velocity == rows.bodies[j].velocity
+        };
+        let pairs = overlaps(&position, &radius, Periods::aligned(domain), TOLERANCE, are_glued);
         for (k, pair) in pairs.iter().enumerate().take(NAMED_OVERLAPS) {
             let (i, j) = (pair.i + first, pair.j + first);
             let more = match pairs.len().saturating_sub(NAMED_OVERLAPS) {
@@ -243,11 +252,25 @@ impl Assembler<'_> {
         let of_domain = 2 * domain.boundary.iter().filter(|&&boundary| boundary == Boundary::Wall).count();
         let moved = |(index, wall): (usize, &Wall)| {
             let is_plane = index >= of_domain || wall.motion.is_moving() || is_displaced(wall, domain);
-            is_plane.then(|| Wall { point: at_start(wall), ..wall.clone() })
+            is_plane.then(|| wall.clone())
         };
         let planes: Vec<Wall> = walls.iter().enumerate().filter_map(moved).collect();
         let planes = &planes[..];
-        let room = Room { dimension: self.dimension, domain, planes, obstacles: &obstacles };
+        let of_species: Vec<Option<Region>> = self
+            .config
+            .species
+            .clone()
+            .unwrap_or_default()
+            .iter()
+            .enumerate()
+            .map(|(k, species)| self.region(k, species.region.as_ref()?))
+            .collect();
+        let has_regions = of_species.iter().any(Option::is_some);
+        let bodies = rows.bodies[..count].iter().filter(|_| has_regions);
+        let regions: Vec<Option<&Region>> =
+            bodies.map(|body| of_species[body.species as usize].as_ref()).collect();
+        let room =
+            Room { dimension: self.dimension, domain, planes, obstacles: &obstacles, regions: &regions };
         let radius: Vec<f64> = (0..count).map(|row| rows.radius(row)).collect();
         let largest = radius.iter().copied().fold(0.0, f64::max);
         let path = at(["initial", "positions"]);

@@ -122,6 +122,11 @@ impl Reported {
 }
 
 impl Document {
+    /// The name of the scene file.
+    pub(crate) fn name(&self) -> &str {
+        &self.file
+    }
+
     /// Parses `text` and applies `overrides` in order; `memory` is what reading them may take [bytes].
     pub(crate) fn new(file: &str, text: &str, overrides: &[String], memory: u64) -> Self {
         let mut document = Self {

@@ -54,8 +54,7 @@ pub(crate) fn record_loss(
         let body = world.body(i);
         let wall = world.boundary.walls.iter().enumerate().position(|(wall, plane)| {
             !plane.motion.is_moving()
-                && world.wall_approach(wall as u32, body.radius, position, DVec3::ZERO, world.now).0
-                    <= thresholds.gap
+                && world.wall_distance(i, wall as u32, position) - body.radius <= thresholds.gap
         });
         let down = world.gravity.normalize_or_zero();
         observer.event(&EventRecord {

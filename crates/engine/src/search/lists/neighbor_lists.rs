@@ -51,6 +51,8 @@ struct Reference {
 struct ListedPlane {
     normal: DVec3,
     offset: f64,
+    /// Of another shape, which is tested instead.
+    shape: Option<haff_neighbors::Plane>,
 }
 
 /// The walls of a geometry. A wall that moves on and on, or whose normal has a component along an axis on
@@ -59,13 +61,17 @@ fn planes(geometry: &Geometry, axes: [Axis; 3]) -> Vec<ListedPlane> {
     let repeats = |axis| matches!(axis, Axis::Periodic | Axis::Open);
     let repeating = DVec3::from_array(axes.map(|axis| f64::from(u8::from(repeats(axis)))));
     let plane = |plane: &haff_neighbors::Plane| {
-        let is_everywhere = plane.sweep == f64::INFINITY || plane.normal * repeating != DVec3::ZERO;
+        let is_surface = plane.surface.is_some();
+        let repeats =
+            if is_surface { repeating != DVec3::ZERO } else { plane.normal * repeating != DVec3::ZERO };
+        let is_everywhere = plane.sweep == f64::INFINITY || repeats;
         let offset = if is_everywhere {
             f64::INFINITY
         } else {
             (plane.point.dot(plane.normal) + plane.sweep) / geometry.reach
         };
-        ListedPlane { normal: plane.normal, offset }
+        let shape = (is_surface && !is_everywhere).then_some(*plane);
+        ListedPlane { normal: plane.normal, offset, shape }
     };
     geometry.planes.iter().map(plane).collect()
 }
@@ -102,6 +108,8 @@ pub(super) struct Lists {
     /// Working space of [`Self::renew`].
     found: Vec<u32>,
     planes: Vec<ListedPlane>,
+    /// The largest contact distance \[length\].
+    sigma: f64,
     /// Whether a particle can touch a wall before it leaves its skin sphere; empty without walls.
     near_wall: Array<bool>,
     /// Number of lists of `overflow` that are lent to aliases.
@@ -130,6 +138,7 @@ impl Lists {
             highest,
             period: frame.period.map(|period| period / geometry.reach),
             planes: planes(geometry, axes),
+            sigma: geometry.reach,
             bins: {
                 let skin = 2.0 * (half_skin + f64::from(SLACK)) + strain;
                 let tilt = frame.moving.map_or(0.0, |moving| moving.list_tilt);
@@ -217,6 +226,7 @@ impl Lists {
                 overflow: self.overflow.alias(),
                 near_wall: self.near_wall.alias(),
                 planes: self.planes.clone(),
+                sigma: self.sigma,
                 free_overflow: self.free_overflow.split_off(kept),
                 found: Vec::new(),
                 is_alias: true,
@@ -287,7 +297,10 @@ impl Lists {
         };
         let reference = DVec3::new(position(0), position(1), position(2));
         let reach = f64::from(self.half_skin + self.bins.largest_radius() + SLACK);
-        self.planes.iter().any(|plane| reference.dot(plane.normal) - plane.offset <= reach)
+        self.planes.iter().any(|plane| match &plane.shape {
+            None => reference.dot(plane.normal) - plane.offset <= reach,
+            Some(shape) => shape.is_near(reference * self.sigma, 0.0, reach * self.sigma),
+        })
     }
 
     /// Prefetches the list and the reference position of i.

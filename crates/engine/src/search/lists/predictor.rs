@@ -16,7 +16,7 @@ use crate::{
         compact::CompactParticle,
         earliest::Earliest,
         entry::Target,
-        planes::Planes,
+        planes::{LATER, Planes},
         predict::{predict_nearest, predict_support, predict_walls},
         search_event::SearchEvent,
     },
@@ -405,8 +405,9 @@ impl<F: Features> ListPredictor<F> {
         }
         let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
         let duration = earliest.entry.time.saturating_sub(particle.time) as f64 * world.clock.tick;
+        let within = LATER * duration + world.clock.tick;
         self.planes.for_each_in_reach(world, particle, class.radius, acceleration, duration, |wall| {
-            if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall) {
+            if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall, within) {
                 earliest.offer_after(particle.time, delay, SearchEvent::Wall(wall), 0);
             }
         });

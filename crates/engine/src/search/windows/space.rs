@@ -9,7 +9,13 @@ use rayon::prelude::*;
 use crate::{
     model::features::Features,
     numerics::tuning::particles::{PARALLEL_RARE_WINDOWS, PARALLEL_WINDOWS, RARE},
-    search::{batch::Kernel, compact::CompactParticle, entry::Target, planes::Planes, sharing},
+    search::{
+        batch::Kernel,
+        compact::CompactParticle,
+        entry::Target,
+        planes::{LATER, Planes},
+        sharing,
+    },
     state::{particle::Particle, world::World},
 };
 
@@ -284,8 +290,9 @@ impl<F: Features> Space<F> {
         let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
         let duration = (self.end - anchor.time) as f64 * world.clock.tick;
         let (planes, radius) = (&self.planes, class.radius);
+        let within = LATER * duration + world.clock.tick;
         planes.for_each_in_reach(world, anchor, radius, acceleration, duration, |wall| {
-            let contact = narrow_phase::wall_contact::<F>(world, anchor, radius, wall);
+            let contact = narrow_phase::wall_contact::<F>(world, anchor, radius, wall, within);
             if let Some(time) = contact
                 && time <= self.end
             {

@@ -3,9 +3,10 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Compression, Dimension, Drive, DriveKind, KickTimes, NeighborChoice, Options, Oscillating,
-    Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, searches,
+    Rotation, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, searches,
 };
-use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
+use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Waveform};
+use haff_surfaces::{Revolution, Side};
 
 use super::{Random, add, class, scatter, set_restitution, system};
 
@@ -19,6 +20,15 @@ fn box_of(boundary: [Boundary; 3], radii: &[f64], e: f64) -> System {
     }
     set_restitution(&mut scene, e);
     scene
+}
+
+/// Adds a thin cylinder in a corner of the box, where there are no particles.
+fn pin(scene: &mut System, motion: WallMotion) {
+    let surface = Revolution::cylinder(DVec3::splat(0.1), DVec3::Z, 0.06, Side::Outside);
+    let numbers = format!("{surface:?}");
+    let shape = Some(Shape::Named(NamedSurface::of("pin", &numbers, Box::new(surface))));
+    scene.walls.push(Wall { name: "pin".into(), point: DVec3::ZERO, normal: DVec3::ZERO, motion, shape });
+    scene.contacts.wall.push(Restitution::Constant(0.9).into());
 }
 
 const PERIODIC: [Boundary; 3] = [Boundary::Periodic; 3];
@@ -99,6 +109,30 @@ pub fn features() -> Vec<(&'static str, System)> {
         ),
         ("walls", box_of(WALLS, &[0.5], 0.9)),
         ("more than 16 walls", many_walls),
+        ("walls of other shapes", with(box_of(WALLS, &[0.5], 0.9), |scene| pin(scene, WallMotion::Fixed))),
+        (
+            "walls of other shapes that turn, rough contacts",
+            with(box_of(WALLS, &[0.5], 0.9), |scene| {
+                let angular_velocity = DVec3::Z * 2.0;
+                pin(scene, WallMotion::Rotating(Rotation { point: DVec3::splat(0.1), angular_velocity }));
+                let law = Roughness { tangential_restitution: 0.5, friction: 0.5 };
+                scene.spin = Some(Spin {
+                    inertia: vec![0.4],
+                    angular_velocity: vec![DVec3::ZERO; scene.bodies.len()],
+                    pair: vec![law],
+                    wall: vec![law; scene.walls.len()],
+                });
+            }),
+        ),
+        (
+            "particles that pass through a wall",
+            with(box_of(WALLS, &[0.5], 0.9), |scene| {
+                pin(scene, WallMotion::Fixed);
+                if let Some(law) = scene.contacts.wall.last_mut() {
+                    *law = WallLaw::Passes;
+                }
+            }),
+        ),
         (
             "thermal wall",
             with(box_of(WALLS, &[0.5], 0.9), |scene| {

@@ -122,11 +122,9 @@ pub fn scatter_within_room(
             }
             r.length() > radius + system.classes[body.class as usize].radius
         }) && system.walls.iter().all(|wall| {
-            let point = wall.point + wall.motion.displacement(wall.normal, Instant::ZERO);
-            match &wall.shape {
-                Some(shape) => shape.surface().distance(position) > radius,
-                None => (position - point).dot(wall.normal) > radius,
-            }
+            // Surfaces that swing come nearer.
+            let swing = if wall.shape.is_some() { wall.motion.sweep(wall.normal).min(1.0) } else { 0.0 };
+            wall.distance(position, Instant::ZERO) > radius + swing
         });
         if clear {
             add(system, class, position, velocity);

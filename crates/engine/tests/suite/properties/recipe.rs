@@ -3,12 +3,17 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Compression, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes,
-    Measure, Oscillating, Partition, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion,
+    Measure, Oscillating, Partition, Rotation, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw,
+    WallMotion,
 };
-use haff_mechanics::{Oscillation, Restitution, Roughness, Waveform};
+use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Surface, Waveform};
+use haff_surfaces::{Mesh, Rectangle, Revolution, Side, Sphere};
 use proptest::prelude::*;
 
 use crate::common::{Random, add, class, scatter_within_room, system};
+
+/// Number of shapes of walls.
+const SHAPES: usize = 6;
 
 /// The features of a scene; the rest follows from the seed. Simpler values come first, so that a failure
 /// shrinks to few features.
@@ -63,6 +68,8 @@ pub struct Recipe {
     pub at_kick: bool,
     /// The run is checked once more, with laws, gravity and walls that change on the way.
     pub changed: bool,
+    /// A wall of another shape: none, or one of [`SHAPES`]. No axis is periodic then.
+    pub shape: usize,
     pub seed: u64,
 }
 
@@ -97,6 +104,7 @@ pub const PLAIN: Recipe = Recipe {
     top: false,
     at_kick: false,
     changed: false,
+    shape: 0,
     seed: 0,
 };
 
@@ -125,9 +133,14 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             let compression = if sheared { 0 } else { chosen };
             let deforms = sheared || compression > 0;
             let all_periodic = sheared || compression > 0 && rough > 0;
+            let shaped = one_in(5, 33) && !deforms;
+            let shape = if shaped { 1 + (seed >> 36) as usize % SHAPES } else { 0 };
+            // Shapes do not repeat with the box.
+            let bounded = boundary.map(|kind| if shaped { kind.max(1) } else { kind });
             Recipe {
+                shape,
                 flat,
-                boundary: if all_periodic { [0; 3] } else { boundary },
+                boundary: if all_periodic { [0; 3] } else { bounded },
                 particles,
                 species,
                 restitution,
@@ -293,13 +306,15 @@ impl Recipe {
                 shape: None,
             });
         }
-        if self.partition && !self.rest && (0..d).all(free) {
-            scene.domain.gravity.x = 0.0;
+        if self.partition && (0..d).all(free) {
             let point = size * random.uniform(0.4, 0.6);
             let hole = Some(Hole { center: point, radius: random.uniform(0.7, 1.5) });
             let shape = Some(Shape::Partition(Partition { point, normal: DVec3::X, hole }));
             let (name, normal, motion) = ("partition".into(), DVec3::X, WallMotion::Fixed);
             scene.walls.push(Wall { name, point, normal, motion, shape });
+        }
+        if self.shape > 0 {
+            scene.walls.push(self.shaped_wall(size, &mut random));
         }
         let (groups, walls) = (self.species + usize::from(self.fixed), scene.walls.len());
         scene.groups = (0..groups).map(|k| Group { name: format!("group {k}") }).collect();
@@ -320,6 +335,10 @@ impl Recipe {
                     *law = WallLaw::Thermal(ThermalWall { temperature, accommodation, restitution });
                 }
             }
+        }
+        if self.shape > 0 && groups > 1 && random.index(3) == 0 {
+            // One species passes through the shape.
+            scene.contacts.wall[walls - 1] = WallLaw::Passes;
         }
         if self.tc {
             scene.contacts.tc = 10_f64.powf(random.uniform(-6.0, -1.0));
@@ -425,6 +444,83 @@ impl Recipe {
             }
         }
         scene
+    }
+
+    /// A wall of another shape in a box of this size.
+    fn shaped_wall(&self, size: DVec3, random: &mut Random) -> Wall {
+        let flat = self.flat;
+        let size = if flat { size.with_z(0.0) } else { size };
+        let center = size * 0.5 + if flat { DVec3::ZERO } else { DVec3::Z * 0.01 * size.z };
+        let least = if flat { size.truncate().min_element() } else { size.min_element() };
+        let mut direction = || {
+            let z = if flat { 0.0 } else { random.normal() };
+            DVec3::new(random.normal(), random.normal(), z).normalize()
+        };
+        let [axis, shift] = [direction(), direction()];
+        let axis = if flat && self.shape != 4 { DVec3::Z } else { axis };
+        let half = least * random.uniform(0.1, 0.25);
+        let (surface, point): (Box<dyn Surface>, Option<DVec3>) = match self.shape {
+            1 => (Box::new(Sphere { center, radius: half, side: Side::Outside }), Some(center)),
+            2 => {
+                let radius = least * random.uniform(0.45, 0.7);
+                (Box::new(Sphere { center, radius, side: Side::Inside }), Some(center))
+            }
+            3 if flat => {
+                (Box::new(Revolution::cylinder(center, axis, 2.0 * half, Side::Inside)), Some(center))
+            }
+            3 => {
+                let length = least * random.uniform(0.6, 1.0);
+                let (point, radius) = (center - axis * (0.5 * length), least * random.uniform(0.35, 0.6));
+                let side = [Side::Inside, Side::Outside, Side::Both][random.index(3)];
+                let radius = if side == Side::Inside { radius } else { 0.5 * radius };
+                (Box::new(Revolution::finite_cylinder(point, axis, radius, length, side)), Some(point))
+            }
+            4 => {
+                let apex = center - axis * (0.45 * least);
+                let side = [Side::Inside, Side::Outside, Side::Both][random.index(3)];
+                let angle = if side == Side::Outside { 0.2 } else { random.uniform(0.4, 1.2) };
+                let start = if side == Side::Both { 0.2 * least } else { 0.0 };
+                let end = if side == Side::Inside { f64::INFINITY } else { 0.6 * least };
+                (Box::new(Revolution::cone(apex, axis, angle, [start, end], side)), Some(apex))
+            }
+            5 => {
+                let normal = shift;
+                let (along, half) = if flat {
+                    ([DVec3::new(-normal.y, normal.x, 0.0), DVec3::Z], [half, f64::INFINITY])
+                } else {
+                    let (u, v) = normal.any_orthonormal_pair();
+                    ([u, v], [half, 1.5 * half])
+                };
+                (Box::new(Rectangle { center, normal, along, half }), None)
+            }
+            _ if flat => (Box::new(Sphere { center, radius: half, side: Side::Both }), Some(center)),
+            _ => {
+                let tip = |axis: usize, sign: f64| center + DVec3::AXES[axis] * (sign * half);
+                let faces = (0..8).map(|k| {
+                    let sign = |bit: u32| if k >> bit & 1 == 0 { 1.0 } else { -1.0 };
+                    [tip(0, sign(0)), tip(1, sign(1)), tip(2, sign(2))]
+                });
+                let faces: Vec<[DVec3; 3]> = faces.collect();
+                let side = [Side::Outside, Side::Both][random.index(2)];
+                (Box::new(Mesh::new(&faces, side).unwrap()), None)
+            }
+        };
+        let motion = match (random.index(4), point) {
+            (2, Some(point)) => {
+                let angular_velocity = axis * random.uniform(-2.0, 2.0);
+                WallMotion::Rotating(Rotation { point, angular_velocity })
+            }
+            (3, _) => {
+                let waveform = [Waveform::Sine, Waveform::Triangle][random.index(2)];
+                let frequency = 10_f64.powf(random.uniform(-1.0, 0.5));
+                let oscillation = Oscillation { waveform, amplitude: 0.1, frequency };
+                WallMotion::Oscillating(Oscillating { oscillation, cycles: random.uniform(0.0, 1.0) })
+            }
+            _ => WallMotion::Fixed,
+        };
+        let numbers = format!("{surface:?}");
+        let shape = Some(Shape::Named(NamedSurface::of("shape", &numbers, surface)));
+        Wall { name: "shape".into(), point: DVec3::ZERO, normal: shift, motion, shape }
     }
 
     /// Changes edges along periodic axes: all alike, or each by its own rate.

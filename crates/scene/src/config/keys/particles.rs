@@ -31,6 +31,55 @@ pub struct SpeciesConfig {
     /// q = I/(m R²), the moment of inertia: default 2/5 for spheres, 1/2 for disks. Only with spin.
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
     pub inertia: Option<f64>,
+    /// Where the particles are at the start: with all of their volume in one shape. Default: anywhere in the
+    /// box. Needs `initial.positions = "random"`, which is the default then.
+    pub region: Option<RegionConfig>,
+}
+
+/// A part of space: one of these.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RegionConfig {
+    /// Lower and upper corner of a box [length].
+    #[serde(rename = "box")]
+    #[schemars(length(equal = 2))]
+    pub cuboid: Option<Vec<Vec<f64>>>,
+    /// The inside of a sphere; in two dimensions of a circle.
+    pub sphere: Option<BallConfig>,
+    /// The inside of a cylinder; in two dimensions of a circle.
+    pub cylinder: Option<BarrelConfig>,
+}
+
+/// The inside of a sphere.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["center", "radius"]))]
+pub struct BallConfig {
+    /// Its center [length].
+    #[schemars(length(min = 2, max = 3))]
+    pub center: Option<Vec<f64>>,
+    /// Its radius [length].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub radius: Option<f64>,
+}
+
+/// The inside of a cylinder.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["point", "radius"]))]
+pub struct BarrelConfig {
+    /// A point of its axis [length]; if it has a `length`, the center of one end.
+    #[schemars(length(min = 2, max = 3))]
+    pub point: Option<Vec<f64>>,
+    /// Direction of its axis; need not have unit length. In two dimensions default z: a circle.
+    #[schemars(length(min = 2, max = 3))]
+    pub axis: Option<Vec<f64>>,
+    /// Its radius [length].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub radius: Option<f64>,
+    /// Its length along the axis [length]; default: without end.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub length: Option<f64>,
 }
 
 /// One radius for all, or a distribution.

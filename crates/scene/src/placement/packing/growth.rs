@@ -84,7 +84,7 @@ pub(crate) fn dense(
     for axis in 0..dimension.count() {
         larger.size[axis] *= scale;
     }
-    let room = Room { dimension, domain: &larger, planes: &[], obstacles: &[] };
+    let room = Room { dimension, domain: &larger, planes: &[], obstacles: &[], regions: &[] };
     let position = loose::random(&room, radius, stream).map_err(|_| Jammed { packing_fraction: 0.0 })?;
     if scale == 1.0 {
         return Ok(position);

@@ -5,6 +5,7 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use haff_engine::{Boundary, Instant};
 use rayon::prelude::*;
 
 use super::{Obstacles, Room};
@@ -55,14 +56,15 @@ pub(crate) fn random(
     for &i in &order {
         let mut spans = [[0.0; 2]; 3];
         for (axis, span) in spans.iter_mut().enumerate() {
-            *span = room.span(axis, radius[i]).ok_or(2.0 * radius[i])?;
+            *span = room.span_of(axis, i, radius[i]).ok_or(2.0 * radius[i])?;
         }
         let mut random = stream(i);
         let mut placed = false;
         for _ in 0..attempts {
             let p = periods.wrap(DVec3::from_array(spans.map(|[low, high]| random.between(low, high))));
             position[i] = p;
-            if room.behind_a_plane(p, radius[i]) || obstacles.blocks(p, radius[i]) {
+            let is_outside = room.region(i).is_some_and(|region| region.distance(p) < radius[i]);
+            if is_outside || room.behind_a_plane(p, radius[i]) || obstacles.blocks(p, radius[i]) {
                 continue;
             }
             let mut free = true;
@@ -246,17 +248,21 @@ fn push(
             step += normal * gap * 0.8;
         }
     };
+    let region = room.region(own.row as usize);
+    if let Some(region) = region {
+        wall(region.distance(p), region.normal(p));
+    }
     for axis in 0..room.dimension.count() {
-        if room.domain.boundary[axis] != haff_engine::Boundary::Periodic {
+        let boundary = room.domain.boundary[axis];
+        // The placeholder faces of open axes do not count in a region.
+        let is_free = boundary == Boundary::Open && region.is_some();
+        if boundary != Boundary::Periodic && !is_free {
             wall(p[axis], DVec3::AXES[axis]);
             wall(room.domain.size[axis] - p[axis], -DVec3::AXES[axis]);
         }
     }
     for plane in room.planes {
-        match &plane.shape {
-            Some(shape) => wall(shape.surface().distance(p), shape.surface().normal(p)),
-            None => wall((p - plane.point).dot(plane.normal), plane.normal),
-        }
+        wall(plane.distance(p, Instant::ZERO), plane.normal_at(p, Instant::ZERO));
     }
     (step, worst, clear)
 }

@@ -6,11 +6,67 @@ pub(crate) mod lattice;
 pub(crate) mod loose;
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Domain, Wall};
+use haff_engine::{Boundary, Dimension, Domain, Instant, Wall};
+use haff_mechanics::Surface;
 
 use crate::placement::grid::{Grid, Periods};
 
-/// The region and obstacles of a packing.
+/// Where the particles of a species are.
+#[derive(Debug)]
+pub(crate) enum Region {
+    /// Between two corners [length].
+    Cuboid {
+        /// The lower one.
+        low: DVec3,
+        /// The upper one.
+        high: DVec3,
+    },
+    /// Inside of a surface.
+    Inside(Box<dyn Surface>),
+}
+
+impl Region {
+    /// The inside of a surface.
+    pub(crate) fn of(surface: Box<dyn Surface>) -> Self {
+        Self::Inside(surface)
+    }
+
+    /// Signed distance of a position from its boundary [length], outside at most that.
+    fn distance(&self, position: DVec3) -> f64 {
+        match self {
+            Self::Cuboid { low, high } => (position - *low).min(*high - position).min_element(),
+            Self::Inside(surface) => surface.distance(position),
+        }
+    }
+
+    /// The direction in which the distance grows.
+    fn normal(&self, position: DVec3) -> DVec3 {
+        match self {
+            Self::Cuboid { low, high } => {
+                let (below, above) = (position - *low, *high - position);
+                let nearest = |depth: DVec3| {
+                    (0..3).fold(0, |least, axis| if depth[axis] < depth[least] { axis } else { least })
+                };
+                let (a, b) = (nearest(below), nearest(above));
+                if below[a] < above[b] { DVec3::AXES[a] } else { -DVec3::AXES[b] }
+            }
+            Self::Inside(surface) => surface.normal(position),
+        }
+    }
+
+    /// Lower and upper corner of a box around it; infinite if it has no end.
+    fn bounds(&self) -> (DVec3, DVec3) {
+        match self {
+            Self::Cuboid { low, high } => (*low, *high),
+            Self::Inside(surface) => {
+                let (center, extent) = surface.bounds();
+                (center - extent, center + extent)
+            }
+        }
+    }
+}
+
+/// The room and the obstacles of a packing.
 pub(crate) struct Room<'a> {
     pub(crate) dimension: Dimension,
     pub(crate) domain: &'a Domain,
@@ -18,6 +74,8 @@ pub(crate) struct Room<'a> {
     pub(crate) planes: &'a [Wall],
     /// Centres and radii of particles that are already there.
     pub(crate) obstacles: &'a [(DVec3, f64)],
+    /// The region of each particle, if it has one; empty if none has.
+    pub(crate) regions: &'a [Option<&'a Region>],
 }
 
 impl Room<'_> {
@@ -34,11 +92,27 @@ impl Room<'_> {
         }
     }
 
+    /// The region of a particle.
+    fn region(&self, row: usize) -> Option<&Region> {
+        self.regions.get(row).copied().flatten()
+    }
+
+    /// [`Self::span`] of a particle, within its region.
+    fn span_of(&self, axis: usize, row: usize, radius: f64) -> Option<[f64; 2]> {
+        let Some(region) = self.region(row).filter(|_| axis < self.dimension.count()) else {
+            return self.span(axis, radius);
+        };
+        let (low, high) = region.bounds();
+        let [mut low, mut high] = [low[axis] + radius, high[axis] - radius];
+        if self.domain.boundary[axis] == Boundary::Wall || !low.is_finite() {
+            let [first, last] = self.span(axis, radius)?;
+            (low, high) = (low.max(first), high.min(last));
+        }
+        (low <= high).then_some([low, high])
+    }
+
     fn behind_a_plane(&self, position: DVec3, radius: f64) -> bool {
-        self.planes.iter().any(|plane| match &plane.shape {
-            Some(shape) => shape.surface().distance(position) < radius,
-            None => (position - plane.point).dot(plane.normal) < radius,
-        })
+        self.planes.iter().any(|plane| plane.distance(position, Instant::ZERO) < radius)
     }
 }
 

@@ -1,0 +1,78 @@
+//! A triangle: the nearest point of a position.
+
+use glam::DVec3;
+
+use crate::part::Part;
+
+/// A triangle with its unit normal by the right-hand rule.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Triangle {
+    /// Its corners \[length\].
+    pub corners: [DVec3; 3],
+    /// Unit normal.
+    pub normal: DVec3,
+}
+
+impl Triangle {
+    /// `None` if the corners are on a line, or not finite.
+    #[must_use]
+    pub fn new(corners: [DVec3; 3]) -> Option<Self> {
+        let [a, b, c] = corners;
+        let (ab, ac) = (b - a, c - a);
+        // Scaled, so that tiny and huge triangles do not under- or overflow.
+        let scale = ab.abs().max(ac.abs()).max_element();
+        let area = (ab / scale).cross(ac / scale);
+        let normal = area.normalize();
+        (area.length() > FLAT && normal.is_finite()).then_some(Self { corners, normal })
+    }
+
+    /// The box around it: lower and upper corner \[length\].
+    #[must_use]
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        let [a, b, c] = self.corners;
+        (a.min(b).min(c), a.max(b).max(c))
+    }
+}
+
+/// Twice the least area [squared longest edge].
+const FLAT: f64 = 1e-12;
+
+impl Part for Triangle {
+    /// By the regions of the plane in which a corner, an edge or the inside is the nearest (C. Ericson,
+    /// Real-Time Collision Detection, 5.1.5).
+    #[inline]
+    fn offset(&self, position: DVec3) -> DVec3 {
+        let [a, b, c] = self.corners;
+        let (ab, ac, ap) = (b - a, c - a, position - a);
+        let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+        if d1 <= 0.0 && d2 <= 0.0 {
+            return ap;
+        }
+        let bp = position - b;
+        let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+        if d3 >= 0.0 && d4 <= d3 {
+            return bp;
+        }
+        if d1 * d4 - d3 * d2 <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+            return across(ap, ab);
+        }
+        let cp = position - c;
+        let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+        if d6 >= 0.0 && d5 <= d6 {
+            return cp;
+        }
+        if d5 * d2 - d1 * d6 <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+            return across(ap, ac);
+        }
+        if d3 * d6 - d5 * d4 <= 0.0 && d4 >= d3 && d5 >= d6 {
+            return across(bp, c - b);
+        }
+        self.normal * self.normal.dot(ap)
+    }
+}
+
+/// The part of a vector that is perpendicular to an edge.
+#[inline]
+fn across(r: DVec3, edge: DVec3) -> DVec3 {
+    r - edge * (r.dot(edge) / edge.length_squared())
+}

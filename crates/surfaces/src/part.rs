@@ -1,0 +1,227 @@
+//! Parts of a surface, and the search for the first contact with one of them.
+
+use glam::DVec3;
+use haff_mechanics::{RelativeFlight, duration, first_contact_bounded};
+
+/// Where the particles are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Inside of a container.
+    Inside,
+    /// Outside of an obstacle.
+    Outside,
+    /// On both sides of a surface without thickness.
+    Both,
+}
+
+/// A sphere at a time of its flight.
+#[derive(Debug, Clone, Copy)]
+pub struct Moment {
+    /// Position of its center relative to the surface \[length\].
+    pub position: DVec3,
+    /// Velocity relative to the surface [length/time].
+    pub velocity: DVec3,
+    /// Its own acceleration [length/time²].
+    pub acceleration: DVec3,
+    /// Direction, and bound of the acceleration of the surface along it [length/time²].
+    pub swing: (DVec3, f64),
+}
+
+impl Moment {
+    /// A flight at a time.
+    pub(crate) fn of(flight: &RelativeFlight, time: f64) -> Self {
+        let swing = flight
+            .swing
+            .map_or((DVec3::ZERO, 0.0), |swing| (swing.direction, swing.oscillation.max_acceleration()));
+        Self {
+            position: flight.at(time),
+            velocity: flight.velocity_at(time),
+            acceleration: flight.acceleration,
+            swing,
+        }
+    }
+
+    /// Bound of the acceleration [length/time²].
+    pub fn strength(&self) -> f64 {
+        self.acceleration.length() + self.swing.1
+    }
+}
+
+/// How the distance from a part bends from a moment on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bend {
+    /// Time for which the bound counts \[time\]; infinite for a convex part.
+    pub time: f64,
+    /// The second derivative of the distance is at least −`bound` [length/time²].
+    pub bound: f64,
+}
+
+/// A part of a surface.
+pub trait Part {
+    /// The vector to a position from the nearest point of the part \[length\].
+    fn offset(&self, position: DVec3) -> DVec3;
+
+    /// How the distance bends. By default as that of a convex part: along a straight line the distance is a
+    /// convex function.
+    fn bend(&self, moment: &Moment) -> Bend {
+        Bend { time: f64::INFINITY, bound: moment.strength() }
+    }
+
+    /// Distance of a position and its rate of change at this velocity.
+    #[inline]
+    fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
+        let r = self.offset(position);
+        let distance = r.length();
+        (distance, if distance > 0.0 { velocity.dot(r) / distance } else { 0.0 })
+    }
+}
+
+/// Most parts of a surface whose parts are tested one by one.
+pub(crate) const MOST_PARTS: usize = 4;
+/// Least path of a step [radii]: it passes an axis, where all of a part is equally near.
+const LEAST: f64 = 1e-6;
+/// Free paths are shortened by this part, for the rounding of distances.
+pub(crate) const SHORTER: f64 = 1e-9;
+/// Contacts across an axis are found before the distance is this far below zero [radii].
+const TOLERANCE: f64 = 1e-14;
+
+/// [`duration`], infinite at rest without acceleration.
+pub(crate) fn time_for(path: f64, speed: f64, strength: f64) -> f64 {
+    if speed == 0.0 && strength == 0.0 { f64::INFINITY } else { duration(path, speed, strength) }
+}
+
+/// The time until a sphere touches one of the parts \[time\]; `None` if it never does, infinite if not before
+/// `within`.
+pub(crate) fn first_contact<P: Part>(
+    parts: &[P],
+    flight: &RelativeFlight,
+    radius: f64,
+    within: f64,
+) -> Option<f64> {
+    debug_assert!(parts.len() <= MOST_PARTS, "all parts are tested");
+    let mut time = 0.0;
+    while time <= within {
+        let moment = Moment::of(flight, time);
+        let (speed, strength) = (moment.velocity.length(), moment.strength());
+        let (mut free, mut step) = (f64::INFINITY, f64::INFINITY);
+        let mut gaps = [0.0; MOST_PARTS];
+        for (part, gap) in parts.iter().zip(&mut gaps) {
+            *gap = part.offset(moment.position).length() - radius;
+            free = free.min(*gap);
+            step = step.min(part.bend(&moment).time);
+        }
+        // Without contact for this time, since no distance falls faster than the sphere moves.
+        let free = if free > 0.0 { time_for(free * (1.0 - SHORTER), speed, strength) } else { 0.0 };
+        let is_free = free > 0.0 && free >= step;
+        let least = time_for(LEAST * radius, speed, strength);
+        let step = if is_free { free } else { step.max(least) }.min(flight.time_to_jump(time));
+        if step.is_nan() || time + step <= time {
+            return None;
+        }
+        if !is_free {
+            // What is found must not depend on `within`, only whether it is.
+            let stop = step.min(within - time);
+            // Parts beyond this are not reached.
+            let path = ((speed + 0.5 * strength * stop) * stop) * (1.0 + SHORTER);
+            let mut first = f64::INFINITY;
+            for (part, _) in parts.iter().zip(gaps).filter(|&(_, gap)| gap.is_nan() || gap <= path) {
+                let gap = |t: f64| {
+                    let (distance, rate) = part.approach(flight.at(time + t), flight.velocity_at(time + t));
+                    (distance - radius, rate)
+                };
+                let bend = part.bend(&moment);
+                let found = if bend.time < least {
+                    crossing(gap, step, TOLERANCE * radius)
+                } else {
+                    first_contact_bounded(gap, bend.bound, radius, step, stop.min(first))
+                };
+                first = first.min(found.unwrap_or(f64::INFINITY));
+            }
+            if first < f64::INFINITY {
+                return Some(time + first);
+            }
+            if step == f64::INFINITY {
+                break;
+            }
+        }
+        time += step;
+    }
+    // A straight flight away from convex parts comes to none of them later.
+    let moment = Moment::of(flight, 0.0);
+    let recedes = |part: &P| {
+        part.bend(&moment).time == f64::INFINITY && part.approach(moment.position, moment.velocity).1 >= 0.0
+    };
+    if flight.is_straight() && parts.iter().all(recedes) { None } else { Some(f64::INFINITY) }
+}
+
+/// The time at which a distance falls to zero in a short interval in which it is concave \[time\].
+fn crossing(gap: impl Fn(f64) -> (f64, f64), until: f64, tolerance: f64) -> Option<f64> {
+    let (now, rate) = gap(0.0);
+    if now <= tolerance && rate < 0.0 {
+        return Some(0.0);
+    }
+    if gap(until).0 >= -tolerance {
+        return None;
+    }
+    let (mut low, mut high) = (0.0, until);
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return Some(low);
+        }
+        if gap(middle).0 < 0.0 { high = middle } else { low = middle }
+    }
+}
+
+/// The gradient of a signed distance, from the vector to the position from the nearest point; `None` on the
+/// surface.
+pub(crate) fn gradient(offset: DVec3, distance: f64) -> Option<DVec3> {
+    offset.try_normalize().map(|normal| if distance < 0.0 { -normal } else { normal })
+}
+
+/// The vector to a position from the nearest point of all parts.
+pub(crate) fn offset<P: Part>(parts: &[P], position: DVec3) -> DVec3 {
+    let mut nearest = DVec3::INFINITY;
+    for part in parts {
+        let r = part.offset(position);
+        if r.length_squared() < nearest.length_squared() {
+            nearest = r;
+        }
+    }
+    nearest
+}
+
+/// The normal of a contact: that of the part which a sphere approaches the fastest, of those within `reach`;
+/// of the nearest one if it approaches none of them.
+pub(crate) fn contact_normal<P: Part>(
+    parts: impl Iterator<Item = P>,
+    position: DVec3,
+    velocity: DVec3,
+    reach: f64,
+) -> Option<DVec3> {
+    let mut nearest: Option<(f64, DVec3)> = None;
+    let mut fastest: Option<(f64, DVec3)> = None;
+    for part in parts {
+        let r = part.offset(position);
+        let distance = r.length();
+        let normal = r / distance;
+        if nearest.is_none_or(|(least, _)| distance < least) {
+            nearest = Some((distance, normal));
+        }
+        let rate = velocity.dot(normal);
+        if distance <= reach && rate < fastest.map_or(0.0, |(rate, _)| rate) {
+            fastest = Some((rate, normal));
+        }
+    }
+    fastest.or(nearest).map(|(_, normal)| normal).filter(|normal| normal.is_finite())
+}
+
+impl<P: Part> Part for &P {
+    fn offset(&self, position: DVec3) -> DVec3 {
+        (*self).offset(position)
+    }
+
+    fn bend(&self, moment: &Moment) -> Bend {
+        (*self).bend(moment)
+    }
+}
