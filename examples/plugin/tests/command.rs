@@ -170,9 +170,9 @@ fn wrong_surfaces_drives_and_probes_are_refused_with_their_keys() {
     for (set, expected) in [
         ("wall.pipe.parameters.pipe=6.0", "wall.0.parameters.pipe = 6.0: must be below ring"),
         ("wall.pipe.surface=\"cone\"", "must be one of these surfaces: \"torus\""),
-        ("wall.pipe.velocity=[1.0, 0.0, 0.0]", "a surface does not move"),
-        ("domain.boundary=[\"wall\", \"wall\", \"periodic\"]", "does not work in a periodic box"),
-        ("contact.rest_speed=0.1", "a surface does not work with contact.rest_speed"),
+        ("wall.pipe.rotation={ rate = 1.0 }", "would sweep through the particles"),
+        ("domain.boundary=[\"wall\", \"wall\", \"periodic\"]", "does not repeat with the box along z"),
+        ("wall.pipe.sticks=true", "nothing sticks to a wall of this shape"),
     ] {
         refuses("ring.toml", set, expected);
     }
