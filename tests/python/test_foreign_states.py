@@ -140,3 +140,73 @@ def test_a_gsd_file_without_diameters_is_refused(tmp_path):
 def test_a_missing_file_is_named():
     with pytest.raises(FileError, match=r"nowhere\.gsd: there is no such file"):
         foreign.read("nowhere.gsd")
+
+
+DUMP = """ITEM: TIMESTEP
+0
+ITEM: NUMBER OF ATOMS
+2
+ITEM: BOX BOUNDS pp pp ff
+0 5
+0 5
+0 6
+ITEM: ATOMS id type x y z vx vy vz radius mass
+1 1 1 1 1 0 0 1 0.5 2
+2 1 3 3 3 0 1 0 0.5 2
+"""
+DATA = """grains
+
+2 atoms
+1 atom types
+0 5 xlo xhi
+0 5 ylo yhi
+0 6 zlo zhi
+
+Atoms # sphere
+
+1 1 1.0 2.0 1 1 1
+2 1 1.0 2.0 3 3 3
+
+Velocities
+
+1 0 0 1 0 0 0
+2 0 1 0 0 0 0
+"""
+XML = """<DynamOconfig version="1.5.0"><Simulation><SimulationSize x="10" y="8" z="12"/><BC Type="PBC"/>
+<Interactions><Interaction Type="HardSphere" Diameter="1" Elasticity="1" Name="Bulk"/></Interactions></Simulation>
+<ParticleData><Pt ID="0"><P x="1" y="0" z="0"/><V x="0" y="0" z="1"/></Pt></ParticleData></DynamOconfig>"""
+MERCURY = """2 0 0 0 0 5 5 6
+1 1 1 0 0 1 0.5 0 0 0 0 0 0 0
+3 3 3 0 1 0 0.5 0 0 0 0 0 0 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("a.lammpstrj", DUMP), ("a.data", DATA), ("a.xml", XML), ("b.data", MERCURY)]
+)
+def test_changed_files_of_other_programs_are_read_or_refused(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    assert len(foreign.read(path).radius) == (1 if name == "a.xml" else 2)
+    random = np.random.default_rng(3)
+    refused = 0
+    for _ in range(400):
+        damaged = bytearray(text.encode())
+        for _ in range(random.integers(1, 4)):
+            at = random.integers(len(damaged))
+            match random.integers(3):
+                case 0:
+                    damaged[at] = random.integers(1, 256)
+                case 1:
+                    del damaged[at : at + random.integers(1, 30)]
+                case _:
+                    damaged[at:at] = damaged[: random.integers(1, 20)]
+            if not damaged:
+                break
+        path.write_bytes(bytes(damaged))
+        try:
+            state = foreign.read(path)
+            assert np.isfinite(state.position).all() and np.isfinite(state.radius).all()
+        except FileError as error:
+            refused += str(path) in str(error)
+    assert refused > 100

@@ -1,4 +1,4 @@
-"""States of other programs that scenes start from: GSD, extended XYZ and CSV."""
+"""States of other programs that scenes start from: GSD, extended XYZ, CSV, and those of :mod:`.programs`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import numpy as np
 from ..common.output import library
 from ..errors import FileError, HaffError
 from ..text import brief
+from . import programs
 from .layout import AXES, Array
 
 SINGLE = 1e-6
@@ -214,7 +215,19 @@ def _csv(path: Path, index: int) -> State:
     return State(position, radius, None, None, vectors("v", "velocity_"), values(("mass",)))
 
 
-_READERS = {".gsd": _gsd, ".xyz": _xyz, ".extxyz": _xyz, ".csv": _csv}
+def _program(path: Path, index: int) -> State:
+    try:
+        found = programs.read(path, index)
+    except ValueError as error:
+        raise FileError(f"{path}: {brief(str(error).removeprefix(f'{path}: '))}") from error
+    table = found.table
+    velocity = table[programs.VELOCITIES].to_numpy(float) if programs.VELOCITIES[0] in table else None
+    mass = table["mass"].to_numpy(float) if "mass" in table else None
+    position, radius = table[[*AXES]].to_numpy(float), table["radius"].to_numpy(float)
+    return State(position, radius, found.size, found.edges, velocity, mass)
+
+
+_READERS = {".gsd": _gsd, ".xyz": _xyz, ".extxyz": _xyz, ".csv": _csv} | dict.fromkeys(programs.ENDINGS, _program)
 ENDINGS = tuple(_READERS)
 """Endings of the names of files of other programs."""
 

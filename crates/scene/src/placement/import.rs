@@ -1,9 +1,10 @@
-//! Files of other programs: which of them scenes start from, and how the others are converted.
+//! Files of other programs: which of them scenes start from, by the endings of their names.
 
 use std::{fs::File, io::Read, path::Path};
 
 /// Endings of the files of other programs that are read; any other file is taken for an output file of haff.
-pub const FOREIGN: [&str; 4] = ["gsd", "xyz", "extxyz", "csv"];
+pub const FOREIGN: [&str; 10] =
+    ["gsd", "xyz", "extxyz", "csv", "lammpstrj", "dump", "data", "lmp", "xml", "bz2"];
 
 /// The first bytes of an HDF5 file without a user block.
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -21,11 +22,9 @@ pub(crate) fn hint(path: &Path) -> String {
     let endings = FOREIGN.map(|ending| format!(".{ending}")).join(", ");
     let read = format!("scenes start from output files of haff, or from {endings}");
     match program(path, &String::from_utf8_lossy(&head)) {
-        Some(program) => format!(
-            "; it is {program}. {read}: convert it by examples/foreign_states.py in the sources of haff \
-             (python3 foreign_states.py {} start.csv)",
-            path.display()
-        ),
+        Some((program, ending)) => {
+            format!("; it is {program}: give its name the ending .{ending}, by which haff knows the format")
+        }
         None => format!(
             "; {read}: write a table of numbers as .csv, with a line of names first: x,y,z,vx,vy,vz,radius"
         ),
@@ -38,21 +37,21 @@ pub fn is_foreign(path: &Path) -> bool {
     ending.is_some_and(|ending| FOREIGN.contains(&ending.as_str()))
 }
 
-/// What a file is, by its first lines and the ending of its name, if `foreign_states.py` converts it.
-fn program(path: &Path, head: &str) -> Option<&'static str> {
+/// What a file is, by its first lines and the ending of its name, and the ending with which it is read.
+fn program(path: &Path, head: &str) -> Option<(&'static str, &'static str)> {
     let lines = || head.lines().map(|line| line.split_once('#').map_or(line, |(before, _)| before).trim());
     let name = path.to_string_lossy().to_lowercase();
     if head.starts_with("ITEM: ") {
-        Some("a dump of LAMMPS")
+        Some(("a dump of LAMMPS", "lammpstrj"))
     } else if lines().any(|line| line.ends_with(" atoms") || line.ends_with(" xhi")) {
-        Some("a data file of LAMMPS")
+        Some(("a data file of LAMMPS", "data"))
     } else if head.contains("<DynamOconfig") || name.ends_with(".xml.bz2") {
-        Some("a configuration of DynamO")
+        Some(("a configuration of DynamO", "xml"))
     } else if lines().next().is_some_and(|line| {
         let words: Vec<&str> = line.split_whitespace().collect();
         words.len() == 8 && words.iter().all(|word| word.parse::<f64>().is_ok())
     }) {
-        Some("a file of MercuryDPM")
+        Some(("a file of MercuryDPM", "data"))
     } else {
         None
     }
@@ -65,12 +64,16 @@ mod tests {
     #[test]
     fn files_of_other_programs_are_told_by_their_first_lines() {
         for (name, head, expected) in [
-            ("a.lammpstrj", "ITEM: TIMESTEP\n0\n", Some("a dump of LAMMPS")),
-            ("a.lmp", "made by hand\n\n12 atoms # all\n1 atom types\n", Some("a data file of LAMMPS")),
-            ("a.data", "grains\n\n0 5 xlo xhi\n", Some("a data file of LAMMPS")),
-            ("a.data", "3 0.0 0 0 0 1 1 1\n0 0 0 1\n", Some("a file of MercuryDPM")),
-            ("a.xml", "<?xml version=\"1.0\"?>\n<DynamOconfig>", Some("a configuration of DynamO")),
-            ("a.xml.bz2", "BZh9", Some("a configuration of DynamO")),
+            ("a.lammpstrj", "ITEM: TIMESTEP\n0\n", Some(("a dump of LAMMPS", "lammpstrj"))),
+            (
+                "a.lmp",
+                "made by hand\n\n12 atoms # all\n1 atom types\n",
+                Some(("a data file of LAMMPS", "data")),
+            ),
+            ("a.data", "grains\n\n0 5 xlo xhi\n", Some(("a data file of LAMMPS", "data"))),
+            ("a.data", "3 0.0 0 0 0 1 1 1\n0 0 0 1\n", Some(("a file of MercuryDPM", "data"))),
+            ("a.xml", "<?xml version=\"1.0\"?>\n<DynamOconfig>", Some(("a configuration of DynamO", "xml"))),
+            ("a.xml.bz2", "BZh9", Some(("a configuration of DynamO", "xml"))),
             ("a.txt", "1 2 3\n", None),
             ("a.txt", "", None),
         ] {
@@ -87,13 +90,15 @@ mod tests {
             std::fs::write(&path, content).unwrap();
             path
         };
-        let dump = hint(&path("a.lammpstrj", b"ITEM: TIMESTEP\n0\n"));
-        assert!(
-            dump.starts_with("; it is a dump of LAMMPS. ") && dump.contains("foreign_states.py"),
-            "{dump}"
-        );
+        let dump = hint(&path("a.txt", b"ITEM: TIMESTEP\n0\n"));
+        assert!(dump.starts_with("; it is a dump of LAMMPS: give its name the ending .lammpstrj"), "{dump}");
         let text = hint(&path("a.txt", b"1 2 3\n"));
-        assert!(text.contains("from .gsd, .xyz, .extxyz, .csv: write a table"), "{text}");
+        assert!(
+            text.contains(
+                "from .gsd, .xyz, .extxyz, .csv, .lammpstrj, .dump, .data, .lmp, .xml, .bz2: write a table"
+            ),
+            "{text}"
+        );
         for (name, content) in [("a.h5", HDF5), ("b.csv", b"x,y\n")] {
             assert_eq!(hint(&path(name, content)), "", "{name}");
         }

@@ -206,7 +206,9 @@ pub struct GrownConfig {
     pub packing: Option<f64>,
 }
 
-/// A file with states: an output file of haff, GSD, extended XYZ (`.xyz`, `.extxyz`) or CSV.
+/// A file with states, by its ending: an output file of haff, GSD, extended XYZ (`.xyz`, `.extxyz`), CSV, a
+/// dump or a data file of LAMMPS (`.lammpstrj`, `.dump`, `.data`, `.lmp`), a data file of MercuryDPM
+/// (`.data`) or a configuration of DynamO (`.xml`, `.xml.bz2`).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("required" = ["file"]))]
