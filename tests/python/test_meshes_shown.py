@@ -10,6 +10,7 @@ import pytest
 from matplotlib.collections import LineCollection
 
 import haff
+from haff.common.compiled import compiled
 from haff.figures import meshes, shapes, solids
 from haff.files import mesh as files_of_meshes
 from haff.files.extent import Extent
@@ -48,13 +49,14 @@ def test_faces_of_many_corners_are_divided(tmp_path):
 @pytest.mark.parametrize(
     ("name", "data", "why"),
     [
-        ("a.stl", b"", "no triangles"),
-        ("a.stl", b"solid\nfacet\nvertex 1 2\n", "no valid STL"),
-        ("a.stl", b"vertex 1 2 x\n" * 3, "no valid STL"),
-        ("a.stl", b"vertex nan 0 0\n" * 3, "no triangles of finite size"),
-        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "no valid OBJ"),
-        ("a.obj", b"v 0 0 0\nf x\n", "no valid OBJ"),
-        ("a.ply", b"ply", "neither .stl nor .obj"),
+        ("a.stl", b"", "is not an STL file"),
+        ("a.stl", b"solid\nfacet\nvertex 1 2\n", "is not an STL file"),
+        ("a.stl", b"vertex 1 2 x\n" * 3, "is not an STL file"),
+        ("a.obj", b"", "no triangles of finite size"),
+        ("a.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no triangles of finite size"),
+        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "is not an OBJ file"),
+        ("a.obj", b"v 0 0 0\nf x\n", "is not an OBJ file"),
+        ("a.ply", b"ply", r"must end in \.stl or \.obj"),
         ("missing.stl", None, "missing.stl is not there"),
         ("a\0.stl", None, "stl"),
     ],
@@ -67,10 +69,9 @@ def test_files_that_are_no_meshes_are_refused(name, data, why, tmp_path):
 
 
 def test_a_mesh_that_has_changed_is_not_shown(tmp_path):
-    xxhash = pytest.importorskip("xxhash")
     data = binary_stl(box_triangles())
     (tmp_path / "a.stl").write_bytes(data)
-    known = xxhash.xxh3_128_hexdigest(data)
+    known = compiled().mesh(tmp_path / "a.stl")[1]
     assert len(files_of_meshes.read("a.stl", tmp_path, known)) == 12
     with pytest.raises(files_of_meshes.MeshFault, match="has changed since the run"):
         files_of_meshes.read("a.stl", tmp_path, known[::-1])

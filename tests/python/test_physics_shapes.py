@@ -61,7 +61,8 @@ def test_a_hopper_empties_at_a_constant_rate(command):
         inside = run.frames[0].position[:, :2] - 10
     rate, start = np.polyfit(time, left[first:last], 1)
     off = np.abs(left[first:last] - (rate * time + start)).max()
-    assert off < 40, f"rate {rate:.2f}, off by {off:.0f}"
+    # 2.5 % of all grains.
+    assert off < 20, f"rate {rate:.2f}, off by {off:.0f}"
     assert (np.hypot(*inside.T) < 6.5).all()
 
 
@@ -89,16 +90,18 @@ HOPPER = {
 }
 
 
-@pytest.mark.parametrize("start", [4.5, 9.0])
-def test_wider_hoppers_empty_faster(start, tmp_path):
-    """Beverloo's law in two dimensions: the rate is C √g (D - k d)^(3/2), with k about 1.4 and C near 1 [grains]."""
-    cone = {"apex": [30.0, 80.0], "axis": [0.0, 1.0], "angle": 0.6, "start": start, "length": 30.0, "side": "both"}
-    scene = {**HOPPER, "wall": [*HOPPER["wall"], {"name": "cone", "cone": cone}]}
-    with haff.run(scene, file=tmp_path / "hopper.h5").file as run:
-        left = np.array([(frame.position[:, 1] < 80 + start).sum() for frame in run.frames])
-        first, last = np.searchsorted(left, [0.15 * len(run), 0.75 * len(run)])
-        rate = np.polyfit(run.frames.time[first:last], left[first:last], 1)[0]
-    opening = 2 * start * np.tan(0.6)
-    # In grains of diameter 0.9 at the packing fraction of a flow.
-    scale = 0.8 / (np.pi / 4 * 0.9**2) * (opening - 1.4 * 0.9) ** 1.5
-    assert 0.5 < rate / scale < 2.5, f"D = {opening:.2f}: {rate:.1f}, {rate / scale:.2f} of the scale"
+def test_a_hopper_twice_as_wide_empties_as_much_faster_as_the_law_says(tmp_path):
+    """Beverloo's law in two dimensions: the rate grows as (D - k d)^(3/2), with k about 1.4.
+
+    Fillings of 500 grains flow for so short a time that the ratio is 8 % off; seeds differ by 1 %.
+    """
+    openings, rates = np.array([2 * start * np.tan(0.6) for start in (4.5, 9.0)]), []
+    for start in (4.5, 9.0):
+        cone = {"apex": [30.0, 80.0], "axis": [0.0, 1.0], "angle": 0.6, "start": start, "length": 30.0, "side": "both"}
+        scene = {**HOPPER, "wall": [*HOPPER["wall"], {"name": "cone", "cone": cone}]}
+        with haff.run(scene, file=tmp_path / f"hopper-{start}.h5").file as run:
+            left = np.array([(frame.position[:, 1] < 80 + start).sum() for frame in run.frames])
+            first, last = np.searchsorted(left, [0.15 * len(run), 0.75 * len(run)])
+            rates.append(np.polyfit(run.frames.time[first:last], left[first:last], 1)[0])
+    narrow, wide = (openings - 1.4 * 0.9) ** 1.5
+    assert rates[1] / rates[0] == pytest.approx(wide / narrow, rel=0.12), f"{rates}"

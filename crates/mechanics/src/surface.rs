@@ -36,6 +36,14 @@ pub trait Surface: fmt::Debug + Send + Sync {
         (DVec3::ZERO, f64::INFINITY)
     }
 
+    /// Whether the surface is the same everywhere along a coordinate axis, as a tube without end is along its
+    /// own: then it repeats with a box that is periodic there, and smooth contacts keep the momentum along
+    /// it.
+    fn is_same_along(&self, axis: usize) -> bool {
+        let _ = axis;
+        false
+    }
+
     /// Distance of a position from the surface, and its rate of change there for a sphere with this velocity.
     fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
         (self.distance(position), velocity.dot(self.normal(position)))

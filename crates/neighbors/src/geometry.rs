@@ -31,6 +31,17 @@ pub struct Plane {
 }
 
 impl Plane {
+    /// Whether the wall is the same at all places that one coordinate stands for: along periodic and open
+    /// axes.
+    pub fn repeats(&self, axes: [Axis; 3]) -> bool {
+        let repeating = |axis: &usize| matches!(axes[*axis], Axis::Periodic | Axis::Open);
+        let is_same = |axis: usize| match self.surface {
+            None => self.normal[axis] == 0.0,
+            Some(surface) => surface.get().is_same_along(axis),
+        };
+        (0..3).filter(repeating).all(is_same)
+    }
+
     /// Whether a surface can come to a distance from some position within `extent` of a center \[length\].
     pub fn is_near(&self, center: DVec3, extent: f64, reach: f64) -> bool {
         let Some(surface) = self.surface else { return true };

@@ -86,8 +86,7 @@ fn is_near(axes: [Axis; 3], edges: [[f64; 2]; 3], plane: &Plane, radius: f64) ->
         return true;
     }
     if plane.surface.is_some() {
-        let repeats = |axis: &Axis| matches!(axis, Axis::Open | Axis::Periodic);
-        if axes.iter().any(repeats) {
+        if !plane.repeats(axes) {
             // The cell represents all its images.
             return true;
         }

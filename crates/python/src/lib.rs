@@ -24,7 +24,7 @@ mod threads;
 mod _engine {
     #[pymodule_export]
     use super::{
-        scenes::{schema, templates, total_names, validate},
+        scenes::{mesh, schema, templates, total_names, validate},
         simulation::Simulation,
         text::{document, value},
     };

@@ -4,12 +4,12 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use haff_scene::{Scene, State, StateSource};
-use numpy::PyReadonlyArrayDyn;
+use haff_scene::{MeshFile, Scene, State, StateSource};
+use numpy::{PyArray2, PyReadonlyArrayDyn};
 use parking_lot::Mutex;
-use pyo3::{intern, prelude::*};
+use pyo3::{exceptions::PyValueError, intern, prelude::*};
 
-use crate::{errors, threads};
+use crate::{arrays, errors, threads};
 
 /// A scene passed from Python.
 #[derive(FromPyObject)]
@@ -105,6 +105,17 @@ fn state(py: Python<'_>, path: &Path, index: i64) -> PyResult<State> {
 #[pyfunction]
 pub fn validate(py: Python<'_>, source: Source) -> PyResult<String> {
     Ok(source.scene(py, &Files::default())?.resolved)
+}
+
+/// Corners of the triangles of a file, `[3 F, 3]`, and its hash. Raises `ValueError` with what is wrong, the
+/// end of a sentence.
+// Taken from Python, by value.
+#[allow(clippy::needless_pass_by_value)]
+#[pyfunction]
+pub fn mesh(py: Python<'_>, path: PathBuf) -> PyResult<(Bound<'_, PyArray2<f64>>, String)> {
+    let file = py.detach(|| MeshFile::read(&path));
+    let MeshFile { corners, hash } = file.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok((arrays::vectors(py, corners.into_flattened())?, hash))
 }
 
 /// The JSON Schema of scene files.

@@ -67,6 +67,7 @@ pub use plugins::{Parameters, PluginError, Plugins};
 use source::weight;
 pub use source::{
     error::{Code, ErrorKind, Place, SceneError, SceneErrors, Words},
+    mesh::{MeshFile, MeshFileError},
     text,
     weight::LONGEST_FILE,
 };

@@ -227,6 +227,11 @@ impl Surface for Revolution {
         (self.center, self.extent)
     }
 
+    fn is_same_along(&self, axis: usize) -> bool {
+        let is_endless = self.low == f64::NEG_INFINITY && self.high == f64::INFINITY;
+        is_endless && self.bands[0].axis.direction[axis].abs() == 1.0
+    }
+
     fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
         Solid(&self.bands).approach(position, velocity)
     }

@@ -67,7 +67,7 @@ fn pushes_along(system: &System, wall: usize, axis: usize) -> bool {
     }
     let is_curved = shape.is_some_and(|shape| match shape {
         Shape::Partition(partition) => partition.hole.is_some(),
-        Shape::Named(_) => true,
+        Shape::Named(named) => !named.get().is_same_along(axis),
     });
     if normal[axis].abs() > ROUNDING || is_curved {
         return true;

@@ -82,24 +82,33 @@ impl World {
     ) -> Option<f64> {
         let horizon = ((self.now - anchor.time).max(0) as f64 + HORIZON) * self.clock.tick;
         let within = within.min(horizon);
-        let wall = &self.boundary.walls[wall as usize];
-        let mut flight = RelativeFlight::new(anchor.position, anchor.velocity, acceleration);
-        if matches!(shape, Shape::Named(_)) {
-            flight.position -= wall.point;
-            match &wall.motion {
-                WallMotion::Fixed | WallMotion::Rotating(_) => {}
-                WallMotion::Constant(motion) => {
-                    flight.position -= wall.motion.displacement(wall.normal, (&self.clock, anchor.time));
-                    flight.velocity -= motion.velocity;
-                }
-                WallMotion::Oscillating(motion) => {
-                    let (direction, cycles) = (wall.normal, motion.at((&self.clock, anchor.time)));
-                    flight.swing = Some(Swing { direction, oscillation: motion.oscillation, cycles });
-                }
-            }
-        }
+        let flight = match shape {
+            Shape::Partition(_) => RelativeFlight::new(anchor.position, anchor.velocity, acceleration),
+            Shape::Named(_) => self.relative_flight(anchor, acceleration, wall),
+        };
         let delay = shape.surface().time_to_contact(&flight, radius, within)?;
         Some(delay * self.clock.per_time)
+    }
+
+    /// The flight of a particle from its anchor on, relative to a wall that is neither a half-space nor a
+    /// partition, in the coordinates of its surface.
+    pub fn relative_flight(&self, anchor: &Particle, acceleration: DVec3, wall: u32) -> RelativeFlight {
+        let wall = &self.boundary.walls[wall as usize];
+        let at = (&self.clock, anchor.time);
+        let position = anchor.position - wall.point;
+        let mut flight = RelativeFlight::new(position, anchor.velocity, acceleration);
+        match &wall.motion {
+            WallMotion::Fixed | WallMotion::Rotating(_) => {}
+            WallMotion::Constant(motion) => {
+                flight.position -= wall.motion.displacement(wall.normal, at);
+                flight.velocity -= motion.velocity;
+            }
+            WallMotion::Oscillating(motion) => {
+                let (direction, cycles) = (wall.normal, motion.at(at));
+                flight.swing = Some(Swing { direction, oscillation: motion.oscillation, cycles });
+            }
+        }
+        flight
     }
 
     /// Position and velocity relative to the surface of a wall, in the coordinates of this surface. Those of
@@ -120,8 +129,9 @@ impl World {
         if self.laws.has_passages && self.wall_law(self.class(i), wall) == WallLaw::Passes {
             return f64::INFINITY;
         }
-        if let Some(surface) = self.boundary.walls[wall as usize].surface() {
-            return surface.distance(self.relative_to(wall, (position, DVec3::ZERO), self.now).0);
+        let plane = &self.boundary.walls[wall as usize];
+        if plane.shape.is_some() {
+            return plane.distance(position, (&self.clock, self.now));
         }
         self.wall_approach(wall, 0.0, position, DVec3::ZERO, self.now).0
     }

@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use crate::{
-    model::{Shape, Surface, WallMotion},
+    model::{Shape, Surface},
     state::{particle::Particle, world::World},
 };
 
@@ -106,8 +106,7 @@ impl Planes {
             }
         }
         if !self.shapes.is_empty() {
-            let strength = acceleration.length();
-            self.for_each_shape_in_reach(world, anchor, (radius, strength), duration, predict);
+            self.for_each_shape_in_reach(world, anchor, (radius, acceleration), duration, predict);
         }
     }
 
@@ -117,25 +116,17 @@ impl Planes {
         &self,
         world: &World,
         anchor: &Particle,
-        (radius, strength): (f64, f64),
+        (radius, acceleration): (f64, DVec3),
         duration: f64,
         mut predict: impl FnMut(u32),
     ) {
         for &FilteredShape { surface, wall } in &self.shapes {
-            let plane = &world.boundary.walls[wall as usize];
-            let (mut position, mut velocity) = (anchor.position - plane.point, anchor.velocity);
-            let mut reach = radius + self.slack;
-            match &plane.motion {
-                WallMotion::Fixed | WallMotion::Rotating(_) => {}
-                WallMotion::Constant(motion) => {
-                    position -= plane.motion.displacement(plane.normal, (&world.clock, anchor.time));
-                    velocity -= motion.velocity;
-                }
-                WallMotion::Oscillating(motion) => reach += motion.oscillation.amplitude,
-            }
-            reach += (velocity.length() + 0.5 * strength * duration) * duration;
+            let flight = world.relative_flight(anchor, acceleration, wall);
+            let swing = flight.swing.map_or(0.0, |swing| swing.oscillation.amplitude);
+            let path = (flight.velocity.length() + 0.5 * acceleration.length() * duration) * duration;
+            let reach = radius + self.slack + swing + path;
             // Also where it is not a number.
-            if !reach.is_finite() || surface.is_near(position, reach) {
+            if !reach.is_finite() || surface.is_near(flight.position, reach) {
                 predict(wall);
             }
         }

@@ -8,6 +8,7 @@ use haff_mechanics::{Restitution, RestitutionTable};
 use super::Assembler;
 use super::domain::DomainPlan;
 use super::names::{MAX_GROUPS, Names, among, wall_indices};
+use super::shape::Turns;
 use super::values::{at, item, not_negative, positive};
 use crate::config::{ContactConfig, RestitutionConfig, RestitutionModelConfig, WallConfig};
 use crate::plugins::{Fault, law_names, make_law};
@@ -118,7 +119,7 @@ impl Assembler<'_> {
                 Wall { name: config.name.clone().unwrap_or_default(), point, normal, motion, shape: None };
             if self.document.count() == errors {
                 wall.shape = self.partition(k, config, &wall).map(Shape::Partition);
-                if let Some(rotation) = self.rotation(k, config, Some((point, normal))) {
+                if let Some(rotation) = self.rotation(k, config, Turns::AlongNormal(point, normal)) {
                     wall.motion = WallMotion::Rotating(rotation);
                 }
             }

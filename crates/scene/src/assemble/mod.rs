@@ -255,7 +255,7 @@ impl Assembler<'_> {
         if at_start {
             self.check_places(&system_domain, &walls, &mut rows, state.as_ref(), &contacts);
             self.gate()?;
-            self.place_species(&system_domain, &walls, &mut rows, &initial);
+            self.place_species(&system_domain, &walls, &species, &mut rows, &initial);
             self.gate()?;
         }
         self.draw_velocities(&species, &mut rows, &initial, state.as_ref());

@@ -3,11 +3,12 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use haff_engine::{Domain, Instant, Oscillating, Rotation, Shape, Wall, WallMotion};
+use haff_engine::{Domain, Instant, Oscillating, Shape, Wall, WallMotion};
 use haff_mechanics::{Oscillation, Waveform};
 
 use super::names::wall_indices;
 use super::particles::Rows;
+use super::shape::Turns;
 use super::values::{LARGEST, at, item, positive};
 use super::{Assembler, Start};
 use crate::config::{MotionConfig, MotionKindConfig, WallConfig};
@@ -42,14 +43,6 @@ fn normal_of_face(name: &str) -> Option<DVec3> {
 }
 
 impl Assembler<'_> {
-    /// The rotation of a wall of the domain with this normal, in its own plane.
-    fn face_rotation(&mut self, k: usize, config: &WallConfig, normal: DVec3) -> Option<Rotation> {
-        // As for a plane: any point will do.
-        let plane = Some(crate::config::PlaneConfig::default());
-        let config = WallConfig { plane, ..config.clone() };
-        self.rotation(k, &config, Some((DVec3::ZERO, normal)))
-    }
-
     /// The reference time of an entry of `[[wall]]`, if it is given and valid.
     pub(super) fn reference_time(&mut self, k: usize, config: &WallConfig) -> Option<f64> {
         let time = config.reference_time?;
@@ -111,10 +104,11 @@ impl Assembler<'_> {
         let mut motions = Vec::with_capacity(configs.len());
         for (k, config) in configs.iter().enumerate() {
             let Some(motion) = &config.motion else {
-                // A wall of the domain turns about its normal through any point.
+                // Other walls turn by their shapes.
                 let of_domain = !config.has_shape() && config.rotation.is_some();
                 let normal = config.name.as_deref().and_then(normal_of_face).filter(|_| of_domain);
-                let rotation = normal.and_then(|normal| self.face_rotation(k, config, normal));
+                let turns = normal.map(|normal| Turns::AlongNormal(DVec3::ZERO, normal));
+                let rotation = turns.and_then(|turns| self.rotation(k, config, turns));
                 motions.push(rotation.map(WallMotion::Rotating));
                 continue;
             };

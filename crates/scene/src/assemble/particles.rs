@@ -11,6 +11,7 @@ use super::names::Names;
 use super::sizes::RadiusLaw;
 use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig};
+use crate::placement::packing::Region;
 use crate::placement::random::{Purpose, Stream};
 
 /// Mass of a body, given or from its density.
@@ -35,6 +36,7 @@ pub(super) struct SpeciesPlan {
     pub(super) radius: RadiusLaw,
     pub(super) mass: MassLaw,
     pub(super) temperature: Option<f64>,
+    pub(super) region: Option<Region>,
 }
 
 pub(super) struct ParticlePlan {
@@ -127,11 +129,10 @@ impl Assembler<'_> {
             if let Some(temperature) = config.temperature {
                 not_negative(&mut self.document, &path("temperature"), temperature);
             }
-            if let Some(region) = &config.region {
-                self.region(k, region);
-            }
+            let region = config.region.as_ref().and_then(|region| self.region(k, region));
             let name = config.name.clone().unwrap_or_default();
-            plans.push(SpeciesPlan { name, count, radius, mass, temperature: config.temperature });
+            let temperature = config.temperature;
+            plans.push(SpeciesPlan { name, count, radius, mass, temperature, region });
         }
         plans
     }

@@ -238,6 +238,7 @@ impl Assembler<'_> {
         &mut self,
         domain: &Domain,
         walls: &[Wall],
+        species: &[SpeciesPlan],
         rows: &mut Rows,
         initial: &Initial,
     ) {
@@ -256,19 +257,10 @@ impl Assembler<'_> {
         };
         let planes: Vec<Wall> = walls.iter().enumerate().filter_map(moved).collect();
         let planes = &planes[..];
-        let of_species: Vec<Option<Region>> = self
-            .config
-            .species
-            .clone()
-            .unwrap_or_default()
-            .iter()
-            .enumerate()
-            .map(|(k, species)| self.region(k, species.region.as_ref()?))
-            .collect();
-        let has_regions = of_species.iter().any(Option::is_some);
+        let has_regions = species.iter().any(|plan| plan.region.is_some());
         let bodies = rows.bodies[..count].iter().filter(|_| has_regions);
         let regions: Vec<Option<&Region>> =
-            bodies.map(|body| of_species[body.species as usize].as_ref()).collect();
+            bodies.map(|body| species[body.species as usize].region.as_ref()).collect();
         let room =
             Room { dimension: self.dimension, domain, planes, obstacles: &obstacles, regions: &regions };
         let radius: Vec<f64> = (0..count).map(|row| rows.radius(row)).collect();

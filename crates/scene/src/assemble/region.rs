@@ -1,12 +1,10 @@
 //! Where the particles of a species are at the start.
 
-use glam::DVec3;
 use haff_engine::{Dimension, bounds};
-use haff_mechanics::Surface;
 use haff_surfaces::{Revolution, Side, Sphere};
 
 use super::Assembler;
-use super::values::{item, positive};
+use super::values::item;
 use crate::config::{BallConfig, BarrelConfig, RegionConfig};
 use crate::placement::packing::Region;
 
@@ -48,56 +46,22 @@ impl Assembler<'_> {
         (self.document.count() == errors).then_some(Region::Cuboid { low, high })
     }
 
-    /// The required point and the required radius of a part of a region.
-    fn round(
-        &mut self,
-        k: usize,
-        [point_key, radius_key]: [&str; 2],
-        (point, radius): (&Option<Vec<f64>>, Option<f64>),
-    ) -> Option<(DVec3, f64)> {
-        let paths = [point_key, radius_key].map(|key| item("species", k, key));
-        for (path, missing) in [(&paths[0], point.is_none()), (&paths[1], radius.is_none())] {
-            if missing {
-                self.document.report_missing(path, "missing: the region needs it");
-            }
-        }
-        let errors = self.document.count();
-        let point = self.vector(&paths[0], point.as_ref()?);
-        let radius = radius.filter(|&radius| positive(&mut self.document, &paths[1], radius))?;
-        (self.document.count() == errors).then_some((point, radius))
-    }
-
     fn ball(&mut self, k: usize, config: &BallConfig) -> Option<Region> {
         let keys = ["region.sphere.center", "region.sphere.radius"];
-        let (center, radius) = self.round(k, keys, (&config.center, config.radius))?;
-        Some(Region::of(Box::new(Sphere { center, radius, side: Side::Inside })))
+        let (center, radius) =
+            self.point_and_length(("species", k), keys, (&config.center, config.radius))?;
+        Some(Region::Inside(Box::new(Sphere { center, radius, side: Side::Inside })))
     }
 
     fn barrel(&mut self, k: usize, config: &BarrelConfig) -> Option<Region> {
         let keys = ["region.cylinder.point", "region.cylinder.radius"];
-        let (point, radius) = self.round(k, keys, (&config.point, config.radius))?;
+        let (point, radius) = self.point_and_length(("species", k), keys, (&config.point, config.radius))?;
         let errors = self.document.count();
-        let flat = self.dimension == Dimension::Two;
-        let axis = match &config.axis {
-            None if flat => DVec3::Z,
-            Some(axis) if flat && axis.len() == 3 && axis[2] != 0.0 => DVec3::Z,
-            Some(axis) => self.vector(&item("species", k, "region.cylinder.axis"), axis),
-            None => {
-                let path = item("species", k, "region.cylinder.axis");
-                self.document.report_missing(&path, "missing: the region needs it");
-                DVec3::Z
-            }
+        let axis = self.axis(("species", k), "region.cylinder.axis", config.axis.as_ref());
+        let surface = match self.length(("species", k), "region.cylinder.length", config.length) {
+            Some(length) => Revolution::finite_cylinder(point, axis, radius, length, Side::Inside),
+            None => Revolution::cylinder(point, axis, radius, Side::Inside),
         };
-        if axis == DVec3::ZERO {
-            self.document.refuse(&item("species", k, "region.cylinder.axis"), "must not be zero");
-        }
-        let path = item("species", k, "region.cylinder.length");
-        let surface: Box<dyn Surface> = match config.length {
-            Some(length) if positive(&mut self.document, &path, length) => {
-                Box::new(Revolution::finite_cylinder(point, axis, radius, length, Side::Inside))
-            }
-            _ => Box::new(Revolution::cylinder(point, axis, radius, Side::Inside)),
-        };
-        (self.document.count() == errors).then(|| Region::of(surface))
+        (self.document.count() == errors).then(|| Region::Inside(Box::new(surface)))
     }
 }

@@ -16,16 +16,26 @@ use crate::config::{ConeConfig, CylinderConfig, PlaneConfig, SideConfig, SphereC
 const ALIGNED: f64 = 1e-9;
 
 /// A shape that has been read.
-pub(super) struct Made {
+struct Made {
     surface: &'static NamedSurface,
-    /// Its axis of revolution: a point and the direction, 0 for a sphere.
-    axis: Option<(DVec3, DVec3)>,
-    /// Whether the surface is the same at all positions along its axis.
-    is_endless: bool,
+    turns: Turns,
+}
+
+/// About which axes a wall turns in itself.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Turns {
+    /// None.
+    Not,
+    /// One, through a point along a unit vector: a cylinder and a cone.
+    About(DVec3, DVec3),
+    /// All through its center: a sphere.
+    AboutCenter(DVec3),
+    /// All along its normal, of which the given one through a point is usual: a plane.
+    AlongNormal(DVec3, DVec3),
 }
 
 /// The side in a scene file.
-fn side(config: Option<SideConfig>) -> Side {
+pub(super) fn side(config: Option<SideConfig>) -> Side {
     match config.unwrap_or(SideConfig::Inside) {
         SideConfig::Inside => Side::Inside,
         SideConfig::Outside => Side::Outside,
@@ -52,16 +62,13 @@ impl Assembler<'_> {
             (Some(cylinder), ..) => self.cylinder(k, cylinder),
             (_, Some(sphere), ..) => self.sphere(k, sphere),
             (_, _, Some(cone), ..) => self.cone(k, cone),
-            (_, _, _, Some(mesh), _) => {
-                self.mesh(k, mesh).map(|surface| Made { surface, axis: None, is_endless: false })
-            }
+            (_, _, _, Some(mesh), _) => self.mesh(k, mesh).map(|surface| Made { surface, turns: Turns::Not }),
             (.., Some(name)) => {
-                let surface = self.surface(k, name, config)?;
-                Some(Made { surface, axis: None, is_endless: false })
+                self.surface(k, name, config).map(|surface| Made { surface, turns: Turns::Not })
             }
             _ => self.rectangle(k, config.plane.as_ref()?),
         }?;
-        self.check_periodic(k, key, &made, domain);
+        self.check_periodic(k, key, made.surface, domain);
         let mut wall = Wall {
             name: config.name.clone().unwrap_or_default(),
             point: DVec3::ZERO,
@@ -79,7 +86,7 @@ impl Assembler<'_> {
         if let Some(offset) = &config.offset {
             wall.point = self.vector(&item("wall", k, "offset"), offset);
         }
-        if let Some(rotation) = self.rotation(k, config, made.axis) {
+        if let Some(rotation) = self.rotation(k, config, made.turns) {
             wall.motion = WallMotion::Rotating(rotation);
         }
         Some(wall)
@@ -101,9 +108,10 @@ impl Assembler<'_> {
     }
 
     /// A shape does not repeat with the box: along periodic axes it must be the same everywhere.
-    fn check_periodic(&mut self, k: usize, key: &str, made: &Made, domain: &DomainPlan) {
-        let along = made.axis.filter(|_| made.is_endless).map_or(DVec3::ZERO, |(_, axis)| axis);
-        let breaks = |axis: &usize| domain.boundary[*axis] == Boundary::Periodic && along[*axis].abs() != 1.0;
+    fn check_periodic(&mut self, k: usize, key: &str, surface: &NamedSurface, domain: &DomainPlan) {
+        let breaks = |axis: &usize| {
+            domain.boundary[*axis] == Boundary::Periodic && !surface.get().is_same_along(*axis)
+        };
         if let Some(axis) = (0..self.dimension.count()).find(breaks) {
             let name = ["x", "y", "z"][axis];
             let why = format!(
@@ -138,33 +146,34 @@ impl Assembler<'_> {
         unit
     }
 
-    /// A required vector and a required length.
-    fn point_and_length(
+    /// A required vector and a required length of an entry of `list`, if both are valid.
+    pub(super) fn point_and_length(
         &mut self,
-        k: usize,
-        [point_key, length_key]: [&str; 2],
+        (list, k): (&str, usize),
+        keys: [&str; 2],
         (point, length): (&Option<Vec<f64>>, Option<f64>),
     ) -> Option<(DVec3, f64)> {
-        let paths = [point_key, length_key].map(|key| item("wall", k, key));
-        if point.is_none() {
-            self.document.report_missing(&paths[0], "missing: the shape needs it");
-        }
-        if length.is_none() {
-            self.document.report_missing(&paths[1], "missing: the shape needs it");
+        let paths = keys.map(|key| item(list, k, key));
+        let errors = self.document.count();
+        for (path, missing) in paths.iter().zip([point.is_none(), length.is_none()]) {
+            if missing {
+                self.document.report_missing(path, "missing: the shape needs it");
+            }
         }
         let point = point.as_ref().map(|point| self.vector(&paths[0], point));
         let length = length.filter(|&length| positive(&mut self.document, &paths[1], length));
-        point.zip(length)
+        point.zip(length).filter(|_| self.document.count() == errors)
     }
 
-    /// An optional length.
-    fn length(&mut self, k: usize, key: &str, value: Option<f64>) -> Option<f64> {
-        value.filter(|&value| positive(&mut self.document, &item("wall", k, key), value))
+    /// An optional length of an entry of `list`.
+    pub(super) fn length(&mut self, (list, k): (&str, usize), key: &str, value: Option<f64>) -> Option<f64> {
+        value.filter(|&value| positive(&mut self.document, &item(list, k, key), value))
     }
 
-    /// The axis of a cylinder; in two dimensions z, or a direction in the plane.
-    fn axis(&mut self, k: usize, key: &str, given: Option<&Vec<f64>>) -> DVec3 {
-        let path = item("wall", k, key);
+    /// The axis of a cylinder in an entry of `list`, of unit length; in two dimensions z, or a direction in
+    /// the plane.
+    pub(super) fn axis(&mut self, (list, k): (&str, usize), key: &str, given: Option<&Vec<f64>>) -> DVec3 {
+        let path = item(list, k, key);
         let Some(given) = given else {
             if self.dimension == Dimension::Three {
                 self.document.report_missing(&path, "missing: the shape needs it");
@@ -183,9 +192,9 @@ impl Assembler<'_> {
     fn cylinder(&mut self, k: usize, config: &CylinderConfig) -> Option<Made> {
         let errors = self.document.count();
         let keys = ["cylinder.point", "cylinder.radius"];
-        let found = self.point_and_length(k, keys, (&config.point, config.radius));
-        let axis = self.axis(k, "cylinder.axis", config.axis.as_ref());
-        let length = self.length(k, "cylinder.length", config.length);
+        let found = self.point_and_length(("wall", k), keys, (&config.point, config.radius));
+        let axis = self.axis(("wall", k), "cylinder.axis", config.axis.as_ref());
+        let length = self.length(("wall", k), "cylinder.length", config.length);
         if length.is_some() && self.dimension == Dimension::Two && axis == DVec3::Z {
             let why = "does not belong to a circle, a cylinder along z in two dimensions";
             self.document.report(&item("wall", k, "cylinder.length"), why);
@@ -197,20 +206,20 @@ impl Assembler<'_> {
             Some(length) => Revolution::finite_cylinder(point, axis, radius, length, side),
         };
         let surface = named("cylinder", surface);
-        Some(Made { surface, axis: Some((point, axis)), is_endless: length.is_none() })
+        Some(Made { surface, turns: Turns::About(point, axis) })
     }
 
     fn sphere(&mut self, k: usize, config: &SphereConfig) -> Option<Made> {
         let keys = ["sphere.center", "sphere.radius"];
-        let (center, radius) = self.point_and_length(k, keys, (&config.center, config.radius))?;
+        let (center, radius) = self.point_and_length(("wall", k), keys, (&config.center, config.radius))?;
         let surface = named("sphere", Sphere { center, radius, side: side(config.side) });
-        Some(Made { surface, axis: Some((center, DVec3::ZERO)), is_endless: false })
+        Some(Made { surface, turns: Turns::AboutCenter(center) })
     }
 
     fn cone(&mut self, k: usize, config: &ConeConfig) -> Option<Made> {
         let errors = self.document.count();
         let keys = ["cone.apex", "cone.angle"];
-        let found = self.point_and_length(k, keys, (&config.apex, config.angle));
+        let found = self.point_and_length(("wall", k), keys, (&config.apex, config.angle));
         let path = item("wall", k, "cone.axis");
         let axis = if let Some(axis) = &config.axis {
             let axis = self.vector(&path, axis);
@@ -219,7 +228,7 @@ impl Assembler<'_> {
             self.document.report_missing(&path, "missing: the shape needs it");
             DVec3::ZERO
         };
-        let length = self.length(k, "cone.length", config.length);
+        let length = self.length(("wall", k), "cone.length", config.length);
         let start = config.start.unwrap_or(0.0);
         not_negative(&mut self.document, &item("wall", k, "cone.start"), start);
         if length.is_some_and(|length| length <= start) {
@@ -232,7 +241,7 @@ impl Assembler<'_> {
         let (apex, angle) = found.filter(|_| self.document.count() == errors)?;
         let ends = [start, length.unwrap_or(f64::INFINITY)];
         let surface = named("cone", Revolution::cone(apex, axis, angle, ends, side(config.side)));
-        Some(Made { surface, axis: Some((apex, axis)), is_endless: false })
+        Some(Made { surface, turns: Turns::About(apex, axis) })
     }
 
     /// A plane of finite extent.
@@ -288,79 +297,70 @@ impl Assembler<'_> {
         let half = [extent[0] / 2.0, extent.get(1).map_or(f64::INFINITY, |edge| edge / 2.0)];
         let along = [along, normal.cross(along)];
         let surface = named("rectangle", Rectangle { center, normal, along, half });
-        Some(Made { surface, axis: None, is_endless: false })
+        Some(Made { surface, turns: Turns::Not })
     }
 
-    /// The rotation of wall `k`, if it has one and may have it. `axis`: a point of the axis of revolution of
-    /// the wall and its direction, which is 0 for a sphere.
-    pub(super) fn rotation(
-        &mut self,
-        k: usize,
-        config: &WallConfig,
-        axis: Option<(DVec3, DVec3)>,
-    ) -> Option<Rotation> {
+    /// The rotation of wall `k`, if it has one and may have it.
+    pub(super) fn rotation(&mut self, k: usize, config: &WallConfig, turns: Turns) -> Option<Rotation> {
         let rotation = config.rotation.as_ref()?;
         let errors = self.document.count();
-        let whole = item("wall", k, "rotation");
+        let path = |key: &str| item("wall", k, key);
         let moves = [("velocity", config.velocity.is_some()), ("motion", config.motion.is_some())];
         for (key, _) in moves.into_iter().filter(|(_, given)| *given) {
-            self.document.report(&item("wall", k, key), "does not work with rotation: give one of the two");
+            self.document.report(&path(key), "does not work with rotation: give one of the two");
         }
-        let Some((point, direction)) = axis else {
-            let why = "would sweep through the particles: only cylinders, cones, spheres and planes without end \
-                       rotate, about their own axis";
-            self.document.report(&whole, why);
-            return None;
+        let (own_point, own_axis) = match turns {
+            Turns::Not => {
+                let why = "would sweep through the particles: only cylinders, cones, spheres and planes without end \
+                           rotate, about their own axis";
+                self.document.report(&path("rotation"), why);
+                return None;
+            }
+            Turns::About(point, axis) | Turns::AlongNormal(point, axis) => (point, Some(axis)),
+            Turns::AboutCenter(center) => (center, None),
         };
         let rate = rotation.rate.unwrap_or_else(|| {
-            self.document
-                .report_missing(&item("wall", k, "rotation.rate"), "missing: a rotation needs a rate");
+            self.document.report_missing(&path("rotation.rate"), "missing: a rotation needs a rate");
             0.0
         });
         if haff_engine::bounds::component(rate).is_err() {
-            self.document.refuse(&item("wall", k, "rotation.rate"), haff_engine::bounds::FINITE);
+            self.document.refuse(&path("rotation.rate"), haff_engine::bounds::FINITE);
         }
-        let path = item("wall", k, "rotation.axis");
-        let mut about = direction;
-        if let Some(given) = &rotation.axis {
-            about = if self.dimension == Dimension::Two {
-                self.axis(k, "rotation.axis", Some(given))
-            } else {
-                let given = self.vector(&path, given);
-                self.unit(&path, given)
-            };
-            let is_own = direction == DVec3::ZERO || about.cross(direction).length() <= ALIGNED;
-            if !is_own {
-                let why = format!(
-                    "must be along the axis of the wall, ({}, {}, {}): about another one the wall would sweep through \
-                     the particles",
-                    direction.x, direction.y, direction.z
-                );
-                self.document.refuse(&path, why);
+        let axis = match (&rotation.axis, own_axis) {
+            (None, Some(own)) => own,
+            // In two dimensions z is the only one.
+            (given, None) => self.axis(("wall", k), "rotation.axis", given.as_ref()),
+            (Some(given), Some(own)) => {
+                let given = self.axis(("wall", k), "rotation.axis", Some(given));
+                if given.cross(own).length() > ALIGNED {
+                    let why = format!(
+                        "must be along the axis of the wall, ({}, {}, {}): about another one the wall would sweep \
+                         through the particles",
+                        own.x, own.y, own.z
+                    );
+                    self.document.refuse(&path("rotation.axis"), why);
+                }
+                given
             }
-        } else if direction == DVec3::ZERO {
-            if self.dimension == Dimension::Two {
-                about = DVec3::Z;
-            } else {
-                self.document.report_missing(&path, "missing: a sphere rotates about a given axis");
-            }
+        };
+        if self.dimension == Dimension::Two && axis.abs() != DVec3::Z && self.document.count() == errors {
+            let why = "must be about z in two dimensions: the wall would leave the plane";
+            self.document.report(&path("rotation"), why);
         }
-        if self.dimension == Dimension::Two && about.abs() != DVec3::Z && self.document.count() == errors {
-            self.document.report(&whole, "must be about z in two dimensions: the wall would leave the plane");
-        }
-        let mut center = point;
+        let mut point = own_point;
         if let Some(given) = &rotation.point {
-            let path = item("wall", k, "rotation.point");
-            center = self.vector(&path, given);
-            let off = center - point;
-            let off = if config.plane.is_some() { DVec3::ZERO } else { off - about * off.dot(about) };
-            if off.length() > ALIGNED * center.abs().max(point.abs()).max_element().max(1e-300) {
+            point = self.vector(&path("rotation.point"), given);
+            let off = point - own_point;
+            let off = off - axis * off.dot(axis);
+            let is_any = matches!(turns, Turns::AlongNormal(..));
+            let size = point.abs().max(own_point.abs()).max_element();
+            if !is_any && off.length() > ALIGNED * size.max(haff_engine::bounds::SMALLEST) {
                 let why = "must be on the axis of the wall: about another one the wall would sweep through the \
                            particles";
-                self.document.refuse(&path, why);
+                self.document.refuse(&path("rotation.point"), why);
             }
         }
-        (self.document.count() == errors).then(|| Rotation { point: center, angular_velocity: about * rate })
+        (self.document.count() == errors).then(|| Rotation { point, angular_velocity: axis * rate })
     }
 
     /// Checks that the species of `passes` exist; true for each group that passes through wall `k`.

@@ -93,18 +93,15 @@ impl Mesh {
             }
             triangles.push(Triangle::new(corners).ok_or(MeshError::Flat { face })?);
         }
-        let is_closed = topology::orient(&mut triangles)?.is_closed;
-        if side != Side::Both
-            && !is_closed
-            && let Some((from, to, faces)) = topology::first_open_edge(&triangles)
-        {
+        let open_edge = topology::orient(&mut triangles)?;
+        if let (Some((from, to, faces)), false) = (open_edge, side == Side::Both) {
             return Err(MeshError::Open { from, to, faces });
         }
         let tree = Tree::new(&mut triangles);
         let Bounds { low, high } = tree.bounds();
         let center = 0.5 * (low + high);
         let extent = 0.5 * (high - low).length();
-        Ok(Self { triangles, tree, side, is_closed, center, extent })
+        Ok(Self { triangles, tree, side, is_closed: open_edge.is_none(), center, extent })
     }
 
     /// Its triangles.
@@ -134,6 +131,8 @@ impl Mesh {
         let mut least = distance * distance * (1.0 + 1e-15);
         let mut nearest = None;
         self.tree.visit(
+            // Boxes at the same distance count, too: limits are exclusive.
+            least.next_up(),
             |bounds| bounds.distance_squared(position),
             |leaf| {
                 for triangle in &self.triangles[leaf] {
@@ -143,15 +142,10 @@ impl Mesh {
                         nearest = Some(r);
                     }
                 }
-                // Boxes at the same distance count, too: the limit is exclusive.
                 least.next_up()
             },
         );
         nearest
-    }
-
-    fn offset(&self, position: DVec3) -> DVec3 {
-        self.offset_within(position, f64::INFINITY).unwrap_or(DVec3::INFINITY)
     }
 
     /// Whether a position is inside of a closed mesh: lines from there cross it an odd number of times. The
@@ -161,6 +155,7 @@ impl Mesh {
         let is_odd = |direction: DVec3| {
             let mut crossings = 0_usize;
             self.tree.visit(
+                f64::INFINITY,
                 |bounds| {
                     if segment(bounds, position, direction, 0.0, f64::INFINITY).is_some() {
                         0.0
@@ -196,6 +191,7 @@ impl Mesh {
         if flight.is_straight() {
             let (position, velocity) = (flight.position, flight.velocity);
             self.tree.visit(
+                f64::INFINITY,
                 |bounds| segment(bounds, position, velocity, radius, until).unwrap_or(f64::NAN),
                 |leaf| visit(leaf, &mut offer),
             );
@@ -217,6 +213,7 @@ impl Mesh {
         reach += (low.abs().max(high.abs()) + radius) * 1e-12;
         let (low, high) = (low - reach, high + reach);
         self.tree.visit(
+            f64::INFINITY,
             |bounds| {
                 if bounds.low.cmple(high).all() && bounds.high.cmpge(low).all() { from } else { f64::NAN }
             },
@@ -266,6 +263,12 @@ fn crosses(triangle: &Triangle, position: DVec3, direction: DVec3) -> bool {
     u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(q) / determinant > 0.0
 }
 
+impl Part for Mesh {
+    fn offset(&self, position: DVec3) -> DVec3 {
+        self.offset_within(position, f64::INFINITY).unwrap_or(DVec3::INFINITY)
+    }
+}
+
 impl Surface for Mesh {
     fn distance(&self, position: DVec3) -> f64 {
         let distance = self.offset(position).length();
@@ -291,9 +294,7 @@ impl Surface for Mesh {
     }
 
     fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
-        let r = self.offset(position);
-        let distance = r.length();
-        (distance, if distance > 0.0 { velocity.dot(r) / distance } else { 0.0 })
+        Part::approach(self, position, velocity)
     }
 
     fn is_near(&self, position: DVec3, reach: f64) -> bool {
@@ -302,12 +303,13 @@ impl Surface for Mesh {
 
     fn contact_normal(&self, position: DVec3, velocity: DVec3, reach: f64) -> DVec3 {
         let mut near: Vec<&Triangle> = Vec::new();
-        let limit = reach * reach;
+        let limit = (reach * reach).next_up();
         self.tree.visit(
+            limit,
             |bounds| bounds.distance_squared(position),
             |leaf| {
                 near.extend(&self.triangles[leaf]);
-                limit.next_up()
+                limit
             },
         );
         contact_normal(near.into_iter(), position, velocity, reach).unwrap_or_else(|| self.normal(position))

@@ -6,19 +6,15 @@ use glam::DVec3;
 
 use super::{MeshError, triangle::Triangle};
 
-/// What the edges of a mesh say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Topology {
-    /// Whether every edge belongs to two triangles: the mesh closes a volume.
-    pub is_closed: bool,
-}
+/// An edge that does not belong to two triangles: its ends, and the number of its triangles.
+pub(super) type OpenEdge = (DVec3, DVec3, usize);
 
-/// Turns triangles so that neighbors have their normals on the same side, and says whether the mesh is
-/// closed. `faces` are the numbers of the triangles in the file.
+/// Turns triangles so that neighbors have their normals on the same side. Returns the first edge that does
+/// not belong to two triangles; `None` if the mesh closes a volume.
 ///
 /// # Errors
 /// A mesh of one side only, such as a Möbius strip.
-pub(super) fn orient(triangles: &mut [Triangle]) -> Result<Topology, MeshError> {
+pub(super) fn orient(triangles: &mut [Triangle]) -> Result<Option<OpenEdge>, MeshError> {
     // Corners are equal by their bits; 0 and −0 are one number.
     let mut numbers: HashMap<[u64; 3], u32> = HashMap::with_capacity(triangles.len());
     let mut number = |corner: DVec3| {
@@ -33,7 +29,14 @@ pub(super) fn orient(triangles: &mut [Triangle]) -> Result<Topology, MeshError> 
             edges.entry([a.min(b), a.max(b)]).or_default().push((face as u32, a < b));
         }
     }
-    let is_closed = edges.values().all(|faces| faces.len() == 2);
+    let all = (0..triangles.len()).flat_map(|face| [0, 1, 2].map(|k| (face, k)));
+    let mut open_edges = all.filter_map(|(face, k)| {
+        let (a, b) = (corners[face][k], corners[face][(k + 1) % 3]);
+        let count = edges[&[a.min(b), a.max(b)]].len();
+        let [from, to] = [k, (k + 1) % 3].map(|k| triangles[face].corners[k]);
+        (count != 2).then_some((from, to, count))
+    });
+    let open_edge = open_edges.next();
     let mut turned: Vec<Option<bool>> = vec![None; triangles.len()];
     let mut open = Vec::new();
     for start in 0..triangles.len() {
@@ -76,21 +79,5 @@ pub(super) fn orient(triangles: &mut [Triangle]) -> Result<Topology, MeshError> 
             triangle.normal = -triangle.normal;
         }
     }
-    Ok(Topology { is_closed })
-}
-
-/// The first edge that does not belong to two triangles, as two corners and the number of triangles.
-pub(super) fn first_open_edge(triangles: &[Triangle]) -> Option<(DVec3, DVec3, usize)> {
-    let bits = |corner: DVec3| (corner + DVec3::ZERO).to_array().map(f64::to_bits);
-    let mut edges: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
-    let pairs = |triangle: &Triangle| [0, 1, 2].map(|k| [triangle.corners[k], triangle.corners[(k + 1) % 3]]);
-    let key = |[a, b]: [DVec3; 2]| {
-        let (a, b) = (bits(a), bits(b));
-        [a.min(b), a.max(b)]
-    };
-    for edge in triangles.iter().flat_map(pairs) {
-        *edges.entry(key(edge)).or_default() += 1;
-    }
-    let found = triangles.iter().flat_map(pairs).find(|&edge| edges[&key(edge)] != 2);
-    found.map(|[a, b]| (a, b, edges[&key([a, b])]))
+    Ok(open_edge)
 }

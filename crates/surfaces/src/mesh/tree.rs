@@ -18,8 +18,7 @@ pub(super) struct Tree {
 /// A box, and what is in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Node {
-    low: DVec3,
-    high: DVec3,
+    bounds: Bounds,
     /// First triangle of a leaf; otherwise the second of the two children. The first one follows its parent.
     first: u32,
     /// Number of triangles; 0 if the node is no leaf.
@@ -27,7 +26,7 @@ struct Node {
 }
 
 /// A box.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bounds {
     pub low: DVec3,
     pub high: DVec3,
@@ -58,7 +57,11 @@ impl Tree {
             (low, high) = (low.min(least), high.max(most));
         }
         let node = self.nodes.len();
-        self.nodes.push(Node { low, high, first: first as u32, count: triangles.len() as u32 });
+        self.nodes.push(Node {
+            bounds: Bounds { low, high },
+            first: first as u32,
+            count: triangles.len() as u32,
+        });
         if triangles.len() <= LEAF {
             return;
         }
@@ -80,27 +83,23 @@ impl Tree {
 
     /// The box around all triangles.
     pub fn bounds(&self) -> Bounds {
-        self.nodes.first().map_or(Bounds { low: DVec3::ZERO, high: DVec3::ZERO }, |node| Bounds {
-            low: node.low,
-            high: node.high,
-        })
+        self.nodes.first().map_or(Bounds { low: DVec3::ZERO, high: DVec3::ZERO }, |node| node.bounds)
     }
 
-    /// Calls `visit` for the triangles of each leaf whose box, and all boxes around it, are `wanted`. The
-    /// first child with the lower `order` comes first.
+    /// Calls `visit` for the triangles of each leaf as long as the `order` of its box, and of all boxes
+    /// around it, is below a limit: the given one, then what the last visit has returned. A box whose order
+    /// is not a number is left out. Of two boxes the one of lower order comes first.
     #[inline]
     pub fn visit(
         &self,
+        mut limit: f64,
         mut order: impl FnMut(&Bounds) -> f64,
         mut visit: impl FnMut(std::ops::Range<usize>) -> f64,
     ) {
-        // Boxes are visited as long as their order is below what the last visit returned.
-        let mut limit = f64::INFINITY;
         let mut stack = [(0_u32, 0.0_f64); DEEPEST];
         let mut depth = 0;
-        let bounds = |node: &Node| Bounds { low: node.low, high: node.high };
         if let Some(root) = self.nodes.first() {
-            stack[0] = (0, order(&bounds(root)));
+            stack[0] = (0, order(&root.bounds));
             depth = 1;
         }
         while depth > 0 {
@@ -115,7 +114,7 @@ impl Tree {
                 continue;
             }
             let children = [index + 1, node.first];
-            let [a, b] = children.map(|child| (child, order(&bounds(&self.nodes[child as usize]))));
+            let [a, b] = children.map(|child| (child, order(&self.nodes[child as usize].bounds)));
             // The nearer one last: it is taken first.
             for child in if a.1 < b.1 { [b, a] } else { [a, b] } {
                 if child.1 < limit {

@@ -58,19 +58,14 @@ struct ListedPlane {
 /// The walls of a geometry. A wall that moves on and on, or whose normal has a component along an axis on
 /// which coordinates stand for several places, is near every particle.
 fn planes(geometry: &Geometry, axes: [Axis; 3]) -> Vec<ListedPlane> {
-    let repeats = |axis| matches!(axis, Axis::Periodic | Axis::Open);
-    let repeating = DVec3::from_array(axes.map(|axis| f64::from(u8::from(repeats(axis)))));
     let plane = |plane: &haff_neighbors::Plane| {
-        let is_surface = plane.surface.is_some();
-        let repeats =
-            if is_surface { repeating != DVec3::ZERO } else { plane.normal * repeating != DVec3::ZERO };
-        let is_everywhere = plane.sweep == f64::INFINITY || repeats;
+        let is_everywhere = plane.sweep == f64::INFINITY || !plane.repeats(axes);
         let offset = if is_everywhere {
             f64::INFINITY
         } else {
             (plane.point.dot(plane.normal) + plane.sweep) / geometry.reach
         };
-        let shape = (is_surface && !is_everywhere).then_some(*plane);
+        let shape = (plane.surface.is_some() && !is_everywhere).then_some(*plane);
         ListedPlane { normal: plane.normal, offset, shape }
     };
     geometry.planes.iter().map(plane).collect()

@@ -26,11 +26,6 @@ pub(crate) enum Region {
 }
 
 impl Region {
-    /// The inside of a surface.
-    pub(crate) fn of(surface: Box<dyn Surface>) -> Self {
-        Self::Inside(surface)
-    }
-
     /// Signed distance of a position from its boundary [length], outside at most that.
     fn distance(&self, position: DVec3) -> f64 {
         match self {
