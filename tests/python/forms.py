@@ -192,6 +192,25 @@ SCENES: dict[str, dict[str, Any]] = {
         "run": _SHORT,
         "output": _OUTPUT,
     },
+    "flow": {
+        "domain": {**_BOX, "boundary": ["periodic", "periodic", "wall"], "gravity": [0, 0, -1]},
+        "species": [_GRAIN, {**_GRAIN, "name": "rain", "count": 0}],
+        "contact": {"restitution": 0.9, "tangential_restitution": 0.5, "friction": 0.2},
+        "inlet": [
+            {
+                "species": "rain",
+                "box": [[0, 0, 5], [8, 8, 7]],
+                "velocity": [0, 0, -1],
+                "temperature": 0.1,
+                "rate": 9.0,
+                "count": 30,
+            },
+            {"species": "grain", "box": [[0, 0, 5], [8, 8, 7]], "refill": True, "count": 100},
+        ],
+        "outlet": [{"box": [[0, 0, 0], [8, 8, 1]], "interval": 0.05}],
+        "run": {"until": 5.0},
+        "output": _OUTPUT,
+    },
     "obstacles": _planes(
         {"name": "pin", "cylinder": {"point": [2, 2, 0], "axis": [0, 0, 1], "radius": 0.3, "side": "outside"}},
         {"name": "tube", "cylinder": {"point": [6, 2, 2], "axis": [0, 0, 1], "radius": 1, "length": 2, "side": "both"}},

@@ -78,9 +78,8 @@ def read(path: Path, folder: Path) -> list[str]:
         assert run.parameters and len(run.wall_names) >= 0
         if "frames" in run:
             for frame in (run.frames[0], run.frames[-1]):
-                assert frame.position.shape == frame.velocity.shape == (len(run), 3) and len(frame.to_pandas()) == len(
-                    run
-                )
+                assert frame.position.shape == frame.velocity.shape == (len(frame.id), 3)
+                assert len(frame.to_pandas()) == len(frame.id) and (run.flows or len(frame.id) == len(run))
         if "observables" in run:
             assert len(run.observables) == run.to_xarray().sizes["time"] == run.summary["samples"]
         if "events" in run:

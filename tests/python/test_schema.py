@@ -51,7 +51,6 @@ def test_schema_accepts_every_scene(validator):
         "unknown_key",
         "restitution_above_one",
         "radius_negative",
-        "count_zero",
         "count_fraction",
         "wrong_type",
         "boundary_unknown",

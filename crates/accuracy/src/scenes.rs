@@ -45,6 +45,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
         spin: None,
         drives: Vec::new(),
         measure: haff_engine::Measure::default(),
+        flow: None,
         seed: 0,
     }
 }

@@ -92,7 +92,8 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
         haff_scene::load(&options.scene, &options.set, &States).map_err(|errors| scene_failure(&errors))?;
     let system = &scene.system;
     let temperature = estimate::temperature(&scene);
-    let particles = system.bodies.len();
+    // Files and memory have a place for those that come in, too.
+    let (all, particles) = (system.bodies.len(), system.bodies_at_start().len());
     let axes = system.dimension.count();
     let open = system.domain.boundary[..axes].contains(&Boundary::Open);
     // Each collision involves two particles. For sizes of files a guess is enough.
@@ -104,7 +105,7 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     let samples = records(scene.output.observables, until) + records(scene.output.frames, until);
     let size = scene.output.file.as_ref().map(|_| {
         haff_record::estimate_file_size(&FileSize {
-            particles: particles as u64,
+            particles: all as u64,
             frames: if scene.output.frames == Schedule::Off {
                 0
             } else {
@@ -119,12 +120,12 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
             measured: estimate::measured(system, samples, until),
         })
     });
-    let memory = estimate::memory(particles) + estimate::correlations(&system.measure, particles);
+    let memory = estimate::memory(all) + estimate::correlations(&system.measure, all);
     let warnings = warnings(&scene);
     let deformation = deformation(&scene);
     if options.json {
         let report = json!({
-            "title": scene.title, "particles": particles, "dimension": axes,
+            "title": scene.title, "particles": particles, "particles_to_come": all - particles, "dimension": axes,
             "packing_fraction": scene.packing_fraction, "temperature": temperature,
             "collision_rate": rate, "collision_rate_unknown": scene.rate_unknown, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
@@ -141,6 +142,10 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
         counted(particles as u64, kind),
         counted(system.walls.len() as u64, "wall")
     ));
+    if all > particles {
+        let more = counted((all - particles) as u64, kind);
+        text.push(format!("inlets              up to {more} more come in"));
+    }
     text.push(if open {
         "packing fraction    none: an axis is open".to_owned()
     } else {

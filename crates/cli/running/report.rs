@@ -53,7 +53,7 @@ pub fn report(outcome: &Outcome, context: &Context) -> Value {
     let mut report = json!({
         "title": context.title,
         "stopped": outcome.ending.word(),
-        "particles": simulation.particles(),
+        "particles": simulation.rows(),
         "simulated_time": simulation.time(),
         "wall_seconds": known.wall_seconds,
         "collisions_per_second": known.rate(),
@@ -83,6 +83,11 @@ pub fn report(outcome: &Outcome, context: &Context) -> Value {
     report["warnings"] = json!(warnings);
     for (name, count) in counts(&counters) {
         report[name] = json!(count);
+    }
+    if let Some([entered, left]) = simulation.passages() {
+        report["particles_present"] = json!(simulation.particles());
+        report["particles_in"] = json!(entered);
+        report["particles_out"] = json!(left);
     }
     for (name, energy) in energies(&ledger) {
         report[name] = json!(energy);
@@ -127,9 +132,12 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         output::message(shown(&context.title));
     }
     let parts = context.parts_with(outcome);
+    let particles = match simulation.passages() {
+        Some(_) => format!("{} particles now", simulation.particles()),
+        None => counted(simulation.particles() as u64, "particle"),
+    };
     output::message(format_args!(
-        "{} to t = {} in {}: {why}",
-        counted(simulation.particles() as u64, "particle"),
+        "{particles} to t = {} in {}: {why}",
         significant(simulation.time(), 9),
         duration(outcome.wall.as_secs_f64()),
     ));
@@ -140,6 +148,9 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         significant(ledger.residual, 2),
         significant(simulation.max_overlap(), 2)
     ));
+    if let Some([entered, left]) = simulation.passages() {
+        output::message(format_args!("{} came in, {left} taken out", counted(entered, "particle")));
+    }
     output::warnings(residual_warning(ledger.residual).as_slice());
     if parts.len() > 1 {
         let all = duration(parts.known().wall_seconds.unwrap_or(0.0));

@@ -158,6 +158,23 @@ impl AnySimulation {
         either!(self, simulation => simulation.ledger())
     }
 
+    /// Number of particles that frames have: with those that have left or are still to come.
+    pub fn rows(&self) -> usize {
+        match self {
+            Self::Granular(simulation) => simulation.rows(),
+            Self::Linkage(simulation) => simulation.particles(),
+        }
+    }
+
+    /// Numbers of particles that have come in and have been taken out so far; `None` without inlets and
+    /// outlets.
+    pub fn passages(&self) -> Option<[u64; 2]> {
+        match self {
+            Self::Granular(simulation) => simulation.passages(),
+            Self::Linkage(_) => None,
+        }
+    }
+
     /// Counts of events and predictions so far.
     pub fn counters(&self) -> Counters {
         either!(self, simulation => simulation.counters())

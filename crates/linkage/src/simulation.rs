@@ -403,6 +403,7 @@ impl Simulation {
             wall_collisions: world.accumulators.counters.wall_collisions,
             collision_rate: if first { f64::NAN } else { new / elapsed },
             mean_free_time: if first { f64::NAN } else { n * elapsed / ended },
+            ..Sample::default()
         }
     }
 

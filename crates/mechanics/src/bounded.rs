@@ -2,6 +2,8 @@
 The first contact on any path whose acceleration is bounded.
 */
 
+use crate::duration;
+
 /// Contacts are found before the distance is this far below zero, in units of the scale.
 const TOLERANCE: f64 = 1e-14;
 
@@ -32,8 +34,6 @@ pub fn first_contact_bounded(
     stop: f64,
 ) -> Option<f64> {
     let tolerance = TOLERANCE * scale;
-    // Within this time a distance at rest does not fall by more than the tolerance.
-    let least = if bound > 0.0 { (2.0 * tolerance / bound).sqrt() } else { 0.0 };
     let mut time = 0.0;
     loop {
         let (gap, rate) = distance(time);
@@ -53,6 +53,8 @@ pub fn first_contact_bounded(
         } else {
             0.0
         };
+        // Within this time the distance does not fall by more than the tolerance.
+        let least = if bound > 0.0 { duration(tolerance, rate.abs(), bound) } else { 0.0 };
         // Not shortened to `stop`: where a least step passes a contact, what is found must not depend on it.
         let next = (time + step.max(least)).min(until);
         // Nearer than the rounding of the time.

@@ -43,12 +43,14 @@ impl Plane {
     }
 
     /// Whether a surface can come to a distance from some position within `extent` of a center \[length\].
+    /// Distances are negative on the other side.
     pub fn is_near(&self, center: DVec3, extent: f64, reach: f64) -> bool {
         let Some(surface) = self.surface else { return true };
-        // Distances change by at most the path, and are negative on the other side.
-        let distance = surface.get().distance(center - self.point).abs();
+        let (surface, center) = (surface.get(), center - self.point);
         let reach = extent + reach + self.sweep;
-        distance <= reach + 1e-9 * (reach + center.abs().max_element())
+        let reach = reach + 1e-9 * (reach + center.abs().max_element());
+        // The second is slow for meshes, and seldom needed after the first.
+        surface.is_near(center, reach) && surface.distance(center) >= -reach
     }
 }
 

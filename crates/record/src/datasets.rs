@@ -37,6 +37,8 @@ pub(crate) struct Trajectory {
     pub velocity: Series,
     pub angular_velocity: Option<Series>,
     pub image: Series,
+    /// Where particles come and go: whether each is there.
+    pub present: Option<Series>,
     pub edges: Series,
     pub clock: Clock,
 }
@@ -71,6 +73,15 @@ impl Trajectory {
                 None
             },
             image: Series::create::<i32>(&element("image")?, "value", &width, &storage)?,
+            present: if present.flow {
+                let storage = Storage {
+                    chunk: vec![storage.chunk[0], particles.max(1)],
+                    compressed: storage.compressed,
+                };
+                Some(Series::create::<u8>(&element("present")?, "value", &[particles], &storage)?)
+            } else {
+                None
+            },
             edges: Series::create_real(
                 &element("box/edges")?,
                 "value",
@@ -92,6 +103,11 @@ impl Trajectory {
                 None
             },
             image: vectors("image/value")?,
+            present: if all.link_exists("present") {
+                Some(Series::open(all, "present/value")?.expect(&[particles])?)
+            } else {
+                None
+            },
             edges: {
                 let edges = Series::open(all, "box/edges/value")?;
                 let width = if edges.width() == 9 { &[3, 3][..] } else { &[3] };
@@ -106,6 +122,7 @@ impl Trajectory {
         let rows = [&self.position, &self.velocity, &self.image, &self.edges]
             .into_iter()
             .chain(&self.angular_velocity)
+            .chain(&self.present)
             .map(Series::rows)
             .fold(self.clock.rows(), usize::min);
         self.clock.time.without_trailing_nan(rows)
@@ -116,6 +133,7 @@ impl Trajectory {
         [&self.position, &self.velocity, &self.image, &self.edges, step, time]
             .into_iter()
             .chain(&self.angular_velocity)
+            .chain(&self.present)
     }
 
     fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
@@ -123,13 +141,14 @@ impl Trajectory {
             [&self.position, &self.velocity, &self.edges].into_iter().chain(&self.angular_velocity);
         reals.try_for_each(|series| series.check_growth::<f64>(kept))?;
         self.image.check_growth::<i32>(kept)?;
+        self.present.iter().try_for_each(|series| series.check_growth::<u8>(kept))?;
         self.clock.check_growth(kept)
     }
 
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
         self.clock.truncate(rows)?;
         let series = [&mut self.position, &mut self.velocity, &mut self.image, &mut self.edges];
-        for series in series.into_iter().chain(&mut self.angular_velocity) {
+        for series in series.into_iter().chain(&mut self.angular_velocity).chain(&mut self.present) {
             series.resize(rows)?;
         }
         Ok(())

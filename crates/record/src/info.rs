@@ -76,37 +76,6 @@ pub struct Info {
     pub file_size: u64,
 }
 
-/// All particles at the last frame of a file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct State {
-    /// Simulated time [time].
-    pub time: f64,
-    /// Collisions + wall collisions so far.
-    pub step: u64,
-    /// 2 or 3.
-    pub dimension: usize,
-    /// Edge lengths of the box [length].
-    pub box_size: DVec3,
-    /// Edge vectors of a sheared box \[length\].
-    pub sheared_edges: Option<[DVec3; 3]>,
-    /// [N] centres [length], wrapped into the box along periodic axes.
-    pub position: Vec<DVec3>,
-    /// [N] velocities [length/time].
-    pub velocity: Vec<DVec3>,
-    /// [N] angular velocities [1/time]; empty without spin.
-    pub angular_velocity: Vec<DVec3>,
-    /// [N] box images.
-    pub image: Vec<[i32; 3]>,
-    /// [N] radii [length].
-    pub radius: Vec<f64>,
-    /// [N] masses.
-    pub mass: Vec<f64>,
-    /// [N] species indices.
-    pub species: Vec<u32>,
-    /// Names by species index.
-    pub species_names: Vec<String>,
-}
-
 /// The fixed part of a file.
 #[derive(Debug, Clone)]
 pub(crate) struct Parameters {
@@ -235,7 +204,7 @@ fn texts(group: &Group, name: &str, path: &Path) -> hdf5::Result<Vec<String>> {
     texts.iter().map(|text| checked_text(text.as_bytes(), &dataset.name())).collect()
 }
 
-fn vectors(flat: &[f64]) -> Vec<DVec3> {
+pub(crate) fn vectors(flat: &[f64]) -> Vec<DVec3> {
     flat.chunks_exact(3).map(DVec3::from_slice).collect()
 }
 
@@ -374,6 +343,7 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         let series = crate::series::Series::open(&group, &format!("{name}/value"))?;
         Ok(series.read::<i64>(row, row + 1)?.first().map_or(0, |&count| count as u64))
     };
+    let count_if_present = |name: &str| if group.link_exists(name) { count(name) } else { Ok(0) };
     let mut terms = [0.0; Term::ALL.len()];
     for term in Term::ALL {
         if group.link_exists(term.name()) {
@@ -429,61 +399,9 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         wall_collisions: count("wall_collisions")?,
         collision_rate: real("collision_rate")?,
         mean_free_time: real("mean_free_time")?,
-    })
-}
-
-/// Reads the last frame of a file; see [`state`].
-pub fn last_state(path: impl AsRef<Path>) -> Result<State, RecordError> {
-    state(path, -1)
-}
-
-/// Reads a frame of a file, from the end if `index` is negative.
-///
-/// # Errors
-///
-/// Those of [`info`], and [`RecordError::Missing`] if there is no such frame.
-pub fn state(path: impl AsRef<Path>, index: i64) -> Result<State, RecordError> {
-    let path = path.as_ref();
-    file::read(path, |file| {
-        let parameters = Parameters::read(file, path)?;
-        let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
-        let missing = || RecordError::Missing { path: path.to_owned(), what: "frames" };
-        let trajectory = datasets.trajectory.ok_or_else(missing)?;
-        let rows = trajectory.rows().doing(path, READ)?;
-        if rows == 0 {
-            return Err(missing());
-        }
-        let from_end = if index < 0 { index.saturating_add(rows as i64) } else { index };
-        let row = usize::try_from(from_end)
-            .ok()
-            .filter(|&row| row < rows)
-            .ok_or_else(|| RecordError::Missing { path: path.to_owned(), what: "frame of this index" })?;
-        let read = || -> hdf5::Result<State> {
-            let all = file.group("particles/all")?;
-            let edges = vectors(&trajectory.edges.read::<f64>(row, row + 1)?);
-            Ok(State {
-                time: trajectory.clock.time.read::<f64>(row, row + 1)?[0],
-                step: trajectory.clock.step.read::<i64>(row, row + 1)?[0] as u64,
-                dimension: parameters.dimension,
-                box_size: match edges[..] {
-                    [lengths] => lengths,
-                    [x, y, z] => DVec3::new(x.x, y.y, z.z),
-                    _ => DVec3::NAN,
-                },
-                sheared_edges: edges.try_into().ok(),
-                position: vectors(&trajectory.position.read(row, row + 1)?),
-                velocity: vectors(&trajectory.velocity.read(row, row + 1)?),
-                angular_velocity: match &trajectory.angular_velocity {
-                    Some(series) => vectors(&series.read(row, row + 1)?),
-                    None => Vec::new(),
-                },
-                image: trajectory.image.read::<i32>(row, row + 1)?.as_chunks().0.to_vec(),
-                radius: read_all(&all.dataset("radius")?)?,
-                mass: read_all(&all.dataset("mass")?)?,
-                species: read_all(&all.dataset("species")?)?,
-                species_names: parameters.species_names.clone(),
-            })
-        };
-        read().doing(path, READ)
+        particles: count_if_present("particles")?,
+        particles_in: count_if_present("particles_in")?,
+        particles_out: count_if_present("particles_out")?,
+        discharge_rate: real("discharge_rate")?,
     })
 }

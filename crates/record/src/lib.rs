@@ -12,6 +12,7 @@ and [`last_state`] read.
 | `particles/all/{position,velocity,image}` | `value` \[F\]\[N\]\[3\], `step` \[F\], `time` \[F\]; one `step` and one `time` dataset, hard-linked |
 | `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
 | `particles/all/angular_velocity` | the same as `velocity`, with spin |
+| `particles/all/present` | with inlets or outlets: `value` \[F\]\[N\], 1 if a particle is there, else 0: then its position and velocity are NaN |
 | `particles/all/{id,species,mass,radius}` | \[N\]; with spin also `inertia` |
 | `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
 | `profiles/…/{density,mass_density,velocity,temperature,pressure}` | `value` \[R\]\[bins…\]\[…\], `step` \[R\], `time` \[R\]; `position/value` \[bins\], of several axes \[bins…\]\[axes\] |
@@ -104,13 +105,15 @@ mod recorder;
 mod resume;
 mod series;
 mod size;
+mod state;
 mod writer;
 
 pub use error::RecordError;
 pub use events::EVENT_CHUNK;
 pub use handshake::is_being_written;
 pub use header::{Header, SCHEMA};
-pub use info::{Info, State, info, last_state, state};
+pub use info::{Info, info};
 pub use recorder::Recorder;
 pub use resume::{Resumed, resumable};
 pub use size::{FileSize, estimate_file_size};
+pub use state::{State, last_state, state};

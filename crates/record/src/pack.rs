@@ -38,6 +38,7 @@ macro_rules! number {
 }
 
 number!(f64, 8, f64::to_bits);
+number!(u8, 1, u64::from);
 number!(u32, 4, u64::from);
 number!(i32, 4, |value| u64::from(value as u32));
 

@@ -52,6 +52,8 @@ pub(crate) struct Contents {
     pub profiles: usize,
     /// Whether there are angular velocities.
     pub spin: bool,
+    /// Whether particles come and go.
+    pub flow: bool,
 }
 
 impl Recorder {
@@ -87,6 +89,7 @@ impl Recorder {
             events: !header.events.is_empty(),
             profiles: header.measure.profiles.len(),
             spin: header.present.spin,
+            flow: header.present.flow,
         };
         Self::start(path, Writer::new(file, datasets), contents)
     }
@@ -136,6 +139,11 @@ impl Recorder {
         if self.contents.spin && frame.angular_velocity.len() != self.contents.particles {
             let (found, expected) = (frame.angular_velocity.len(), self.contents.particles);
             return Err(self.unfit(format!("a frame of {found} angular velocities for {expected} particles")));
+        }
+        let expected = if self.contents.flow { self.contents.particles } else { 0 };
+        if self.producer.is_some() && self.contents.frames && frame.present.len() != expected {
+            let found = frame.present.len();
+            return Err(self.unfit(format!("a frame that says of {found} particles whether they are there")));
         }
         if self.contents.frames || self.producer.is_none() {
             self.send(Message::Frame(frame))

@@ -144,6 +144,7 @@ impl Recorder {
             events: datasets.events.is_some(),
             profiles: datasets.profiles.count(),
             spin: datasets.slots[0].has_spin(),
+            flow: datasets.trajectory.as_ref().is_some_and(|trajectory| trajectory.present.is_some()),
         };
         // The slot of the checkpoint that is used stays; the other one is written next.
         let next_slot = usize::from(first == saved.sequence);

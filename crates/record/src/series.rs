@@ -192,6 +192,22 @@ impl Series {
         self.write_chunk(&corner, chunk)
     }
 
+    /// Appends rows of N numbers each, of which a chunk has one if it is compressed.
+    pub fn append_rows<T: Number>(
+        &mut self,
+        rows: impl Iterator<Item = impl Iterator<Item = T>>,
+        packer: &mut Packer,
+    ) -> hdf5::Result<()> {
+        if !self.compressed {
+            // Many small rows at once.
+            return self.append(&rows.flatten().collect::<Vec<_>>());
+        }
+        for row in rows {
+            self.append_chunk(1, row, packer)?;
+        }
+        Ok(())
+    }
+
     /// Appends rows of N vectors each.
     pub fn append_vectors<'a, V: Copy + 'a, T: Number>(
         &mut self,

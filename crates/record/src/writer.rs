@@ -247,6 +247,10 @@ impl Writer {
             let spins = rows.clone().map(|frame| frame.angular_velocity.as_slice());
             series.append_vectors(spins, |spin| spin.to_array(), packer).doing(path, WRITE)?;
         }
+        if let Some(series) = &mut trajectory.present {
+            let present = rows.clone().map(|frame| frame.present.iter().map(|&present| u8::from(present)));
+            series.append_rows(present, packer).doing(path, WRITE)?;
+        }
         let images = rows.map(|frame| frame.image.as_slice());
         trajectory.image.append_vectors(images, |image| image, packer).doing(path, WRITE)?;
         let sheared = trajectory.edges.width() == 9;

@@ -196,6 +196,12 @@ const KEYS: &[&str] = &[
     "drive.0.interval",
     "drive.0.rate",
     "drive.0.species",
+    "inlet.0.species",
+    "inlet.0.box",
+    "inlet.0.rate",
+    "inlet.0.count",
+    "outlet",
+    "outlet.0.box",
     "x",
     "a.b.c",
     "species.9.count",
@@ -225,6 +231,9 @@ const SCENES: &[&str] = &[
     "[domain]\nsize = [8, 8, 8]\nboundary = [\"periodic\", \"wall\", \"open\"]\ngravity = [0, -1, 0]\n[[wall]]\nname = \"slope\"\n\
      plane = { point = [0, 1, 0], normal = [0, 2, 1] }\n[[particle]]\nname = \"ball\"\nposition = [4, 5, 1]\nradius = 0.5\nmass = 1\n\
      [[particle]]\nposition = [1, 4, 0]\nradius = 0.25\nmass = 2\n[run]\nuntil = 1\n",
+    "[domain]\nsize = [8, 8, 20]\nboundary = [\"periodic\", \"wall\", \"wall\"]\ngravity = [0, 0, -1]\n[[species]]\nname = \"grain\"\n\
+     count = 0\nradius = { uniform = [0.4, 0.5] }\nmass = 1\n[[inlet]]\nspecies = \"grain\"\nbox = [[1, 1, 15], [7, 7, 19]]\nrate = 5\ncount = 100\n\
+     [[inlet]]\nrefill = true\nbox = [[1, 1, 10], [7, 7, 12]]\ntemperature = 0.1\n[[outlet]]\nbox = [[0, 0, 0], [8, 8, 2]]\n[run]\nuntil = 1\n",
 ];
 
 /// More unknown keys than errors are kept.
@@ -384,9 +393,10 @@ fn check(case: u64) -> Result<bool, String> {
             if system.classes.iter().any(|class| class.radius < 1e-13 * largest) {
                 return Err(format!("accepted a radius below the rounding of coordinates: {}", show()));
             }
-            let position: Vec<DVec3> = system.bodies.iter().map(|body| body.position).collect();
+            let bodies = system.bodies_at_start();
+            let position: Vec<DVec3> = bodies.iter().map(|body| body.position).collect();
             let radius: Vec<f64> =
-                system.bodies.iter().map(|body| system.classes[body.class as usize].radius).collect();
+                bodies.iter().map(|body| system.classes[body.class as usize].radius).collect();
             let periods = crate::placement::grid::Periods::new(&system.domain);
             if let Some(pair) =
                 crate::placement::grid::overlaps(&position, &radius, periods, 1e-12, |_, _| false).first()

@@ -25,11 +25,13 @@ pub struct Moment {
     pub acceleration: DVec3,
     /// Direction, and bound of the acceleration of the surface along it [length/time²].
     pub swing: (DVec3, f64),
+    /// Radius of the sphere \[length\].
+    pub radius: f64,
 }
 
 impl Moment {
     /// A flight at a time.
-    pub(crate) fn of(flight: &RelativeFlight, time: f64) -> Self {
+    pub(crate) fn of(flight: &RelativeFlight, radius: f64, time: f64) -> Self {
         let swing = flight
             .swing
             .map_or((DVec3::ZERO, 0.0), |swing| (swing.direction, swing.oscillation.max_acceleration()));
@@ -38,7 +40,20 @@ impl Moment {
             velocity: flight.velocity_at(time),
             acceleration: flight.acceleration,
             swing,
+            radius,
         }
+    }
+
+    /// Bound of the acceleration along a unit vector [length/time²].
+    pub fn strength_along(&self, direction: DVec3) -> f64 {
+        self.acceleration.dot(direction).abs() + self.swing.1 * self.swing.0.dot(direction).abs()
+    }
+
+    /// The time for which a coordinate certainly stays within a `room` from where it is, along a unit vector
+    /// \[time\]; `None` near the end of a face of this `size`, where the steps would become short.
+    pub(crate) fn time_within(&self, room: f64, size: f64, direction: DVec3) -> Option<f64> {
+        (room > NEAR_EDGE * size && room > NEAR_EDGE * self.radius)
+            .then(|| time_for(room, self.velocity.dot(direction).abs(), self.strength_along(direction)))
     }
 
     /// Bound of the acceleration [length/time²].
@@ -67,6 +82,11 @@ pub trait Part {
         Bend { time: f64::INFINITY, bound: moment.strength() }
     }
 
+    /// Whether the distance is a convex function along straight lines that begin there.
+    fn is_convex(&self, moment: &Moment) -> bool {
+        self.bend(moment).time == f64::INFINITY
+    }
+
     /// Distance of a position and its rate of change at this velocity.
     #[inline]
     fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
@@ -78,6 +98,8 @@ pub trait Part {
 
 /// Most parts of a surface whose parts are tested one by one.
 pub(crate) const MOST_PARTS: usize = 4;
+/// Part of the size of a face, or of a radius, that counts as its edge.
+const NEAR_EDGE: f64 = 1e-3;
 /// Least path of a step [radii]: it passes an axis, where all of a part is equally near.
 const LEAST: f64 = 1e-6;
 /// Free paths are shortened by this part, for the rounding of distances.
@@ -101,7 +123,7 @@ pub(crate) fn first_contact<P: Part>(
     debug_assert!(parts.len() <= MOST_PARTS, "all parts are tested");
     let mut time = 0.0;
     while time <= within {
-        let moment = Moment::of(flight, time);
+        let moment = Moment::of(flight, radius, time);
         let (speed, strength) = (moment.velocity.length(), moment.strength());
         let (mut free, mut step) = (f64::INFINITY, f64::INFINITY);
         let mut gaps = [0.0; MOST_PARTS];
@@ -147,11 +169,39 @@ pub(crate) fn first_contact<P: Part>(
         time += step;
     }
     // A straight flight away from convex parts comes to none of them later.
-    let moment = Moment::of(flight, 0.0);
-    let recedes = |part: &P| {
-        part.bend(&moment).time == f64::INFINITY && part.approach(moment.position, moment.velocity).1 >= 0.0
-    };
+    let moment = Moment::of(flight, radius, 0.0);
+    let recedes =
+        |part: &P| part.is_convex(&moment) && part.approach(moment.position, moment.velocity).1 >= 0.0;
     if flight.is_straight() && parts.iter().all(recedes) { None } else { Some(f64::INFINITY) }
+}
+
+/// The time after `start` at which a sphere first touches a part, if it does before `until`; perhaps not if
+/// that is after `stop`.
+pub(crate) fn first_in_step<P: Part>(
+    part: &P,
+    flight: &RelativeFlight,
+    radius: f64,
+    start: f64,
+    [until, stop]: [f64; 2],
+) -> Option<f64> {
+    let mut time = 0.0;
+    while time < until && time <= stop {
+        let bend = part.bend(&Moment::of(flight, radius, start + time));
+        let step = bend.time.min(until - time);
+        let gap = |t: f64| {
+            let at = start + (time + t);
+            let (distance, rate) = part.approach(flight.at(at), flight.velocity_at(at));
+            (distance - radius, rate)
+        };
+        if let Some(found) = first_contact_bounded(gap, bend.bound, radius, step, stop - time) {
+            return Some(time + found);
+        }
+        if time + step <= time {
+            return None;
+        }
+        time += step;
+    }
+    None
 }
 
 /// The time at which a distance falls to zero in a short interval in which it is concave \[time\].
@@ -223,5 +273,87 @@ impl<P: Part> Part for &P {
 
     fn bend(&self, moment: &Moment) -> Bend {
         (*self).bend(moment)
+    }
+
+    fn is_convex(&self, moment: &Moment) -> bool {
+        (*self).is_convex(moment)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+    use crate::{Rectangle, mesh::Triangle};
+
+    /// Counts how often a part is asked.
+    struct Counted<'a, P> {
+        part: P,
+        asked: &'a Cell<usize>,
+    }
+
+    impl<P: Part> Part for Counted<'_, P> {
+        fn offset(&self, position: DVec3) -> DVec3 {
+            self.asked.set(self.asked.get() + 1);
+            self.part.offset(position)
+        }
+
+        fn bend(&self, moment: &Moment) -> Bend {
+            self.part.bend(moment)
+        }
+    }
+
+    /// A grain that was at rest beside a wall falls along it: the gap is as small as rounding all the way.
+    #[test]
+    fn a_fall_along_a_wall_takes_few_steps() {
+        let asked = Cell::new(0);
+        let radius = 0.11;
+        let position = DVec3::new(radius * (1.0 + 1e-12), 0.0, 3.0);
+        let flight = RelativeFlight::new(position, DVec3::ZERO, DVec3::new(0.0, 0.0, -10.0));
+        let along = [DVec3::Z, DVec3::Y];
+        let part = Rectangle { center: DVec3::ZERO, normal: DVec3::X, along, half: [3.5, 50.0] };
+        let found = first_contact(&[Counted { part, asked: &asked }], &flight, radius, 1.0);
+        assert_eq!(found, Some(f64::INFINITY));
+        assert!(asked.get() < 20_000, "{}", asked.get());
+
+        asked.set(0);
+        let corners = [DVec3::new(0.0, -9.0, -9.0), DVec3::new(0.0, 9.0, -9.0), DVec3::new(0.0, 0.0, 20.0)];
+        let part = Triangle::new(corners).expect("a triangle");
+        let part = Counted { part, asked: &asked };
+        assert_eq!(first_in_step(&part, &flight, radius, 0.0, [1.0, 1.0]), None);
+        assert!(asked.get() < 100, "{}", asked.get());
+    }
+
+    /// What accelerates along a wall only meets it as a straight flight does.
+    #[test]
+    fn an_acceleration_along_a_wall_does_not_change_its_contacts() {
+        let radius = 0.11;
+        let along = [DVec3::Z, DVec3::Y];
+        let face = Rectangle { center: DVec3::ZERO, normal: DVec3::X, along, half: [30.0, f64::INFINITY] };
+        let corners =
+            [DVec3::new(0.0, -90.0, -90.0), DVec3::new(0.0, 90.0, -90.0), DVec3::new(0.0, 0.0, 200.0)];
+        let triangle = Triangle::new(corners).expect("a triangle");
+        for gap in [1e-9, 1e-4, 0.3, 1.0] {
+            for speed in [1e-3, 0.2, 5.0] {
+                let position = DVec3::new(radius + gap, 0.0, 3.0);
+                let velocity = DVec3::new(-speed, 0.1, 0.3);
+                let within = (2.0 * gap / speed).min(1.5);
+                let straight = RelativeFlight::new(position, velocity, DVec3::ZERO);
+                let falling = RelativeFlight::new(position, velocity, DVec3::new(0.0, 0.0, -10.0));
+                let of = |flight: &RelativeFlight| {
+                    let face = first_contact(&[face], flight, radius, within).expect("none is lost");
+                    [
+                        face,
+                        first_in_step(&triangle, flight, radius, 0.0, [within; 2]).unwrap_or(f64::INFINITY),
+                    ]
+                };
+                let ([a, b], [c, d]) = (of(&straight), of(&falling));
+                for found in [b, c, d] {
+                    assert!(found == a || (found - a).abs() < 1e-12 * (1.0 + radius / speed), "{a} {found}");
+                }
+                assert_eq!(a < f64::INFINITY, gap / speed < within, "{a} {gap} {speed}");
+            }
+        }
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use haff_mechanics::{RelativeFlight, Surface};
 
-use crate::part::{Part, first_contact};
+use crate::part::{Bend, Moment, Part, first_contact};
 
 /// A rectangle with particles on both sides.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +30,33 @@ impl Part for Rectangle {
             }
         }
         from
+    }
+
+    /// The distance from a convex part. Over its face that from a plane: an acceleration along the face does
+    /// not change it. Beside an edge one along the edge does not.
+    fn bend(&self, moment: &Moment) -> Bend {
+        let r = moment.position - self.center;
+        let mut bend = Bend { time: f64::INFINITY, bound: moment.strength() };
+        if bend.bound == 0.0 {
+            return bend;
+        }
+        let (mut acceleration, mut swing) = (moment.acceleration, moment.swing.0);
+        for (direction, half) in self.along.into_iter().zip(self.half) {
+            let room = half - r.dot(direction).abs();
+            if let Some(time) = moment.time_within(room, half.min(f64::MAX), direction) {
+                bend.time = bend.time.min(time);
+                acceleration -= direction * acceleration.dot(direction);
+                swing -= direction * swing.dot(direction);
+            }
+        }
+        // Rounding of what is taken off.
+        let rest = acceleration.length() + moment.swing.1 * swing.length();
+        bend.bound = rest + 4.0 * f64::EPSILON * bend.bound;
+        bend
+    }
+
+    fn is_convex(&self, _moment: &Moment) -> bool {
+        true
     }
 }
 

@@ -102,13 +102,50 @@ impl Part for Band {
         let speed = across(moment.velocity);
         let pull = across(moment.acceleration) + moment.swing.1 * across(moment.swing.0);
         let widest = self.line.widest();
+        let face = self.over_face(moment);
         // Far from the axis the distance is convex, until the path comes to the surface.
         let is_far = rho > 2.0 * widest;
         let time = time_for(if is_far { rho - widest } else { 0.5 * rho }, speed, pull);
-        if is_far || time == f64::INFINITY {
-            return Bend { time, bound: strength };
+        let curved = |time: f64| {
+            let is_convex = is_far || time == f64::INFINITY;
+            if is_convex { 0.0 } else { 2.0 / rho * (speed + pull * time).powi(2) }
+        };
+        if let Some(within) = face {
+            // The distance is w ρ − u z there.
+            let [u, w] = self.line.along.map(f64::abs);
+            let time = time.min(within);
+            let along = moment.strength_along(axis);
+            // Rounding of what is taken off.
+            let bound = w * (curved(time) + pull) + u * along + 4.0 * f64::EPSILON * strength;
+            return Bend { time, bound };
         }
-        Bend { time, bound: 2.0 / rho * (speed + pull * time).powi(2) + strength }
+        Bend { time, bound: curved(time) + strength }
+    }
+
+    fn is_convex(&self, moment: &Moment) -> bool {
+        // Along the axis ρ does not change.
+        let across = |vector: DVec3| vector - self.axis.direction * vector.dot(self.axis.direction);
+        let [velocity, acceleration] = [moment.velocity, moment.acceleration].map(across);
+        self.line.is_disk() || velocity == DVec3::ZERO && acceleration == DVec3::ZERO
+    }
+}
+
+impl Band {
+    /// The time for which the nearest point is certainly on the line, not at one of its ends \[time\]; `None`
+    /// near its ends.
+    fn over_face(&self, moment: &Moment) -> Option<f64> {
+        let Line { rho, z, along: [u, w], low, high } = self.line;
+        let (here_rho, here_z, outward) = self.axis.coordinates(moment.position);
+        let s = (here_rho - rho) * u + (here_z - z) * w;
+        let room = (s - low).min(high - s);
+        if room == f64::INFINITY {
+            return Some(f64::INFINITY);
+        }
+        let size = (high - low).min(f64::MAX);
+        let direction = outward * u + self.axis.direction * w;
+        moment.time_within(room, size, direction)?;
+        // ρ changes no faster than the position.
+        Some(time_for(room, moment.velocity.length(), moment.strength()))
     }
 }
 

@@ -85,11 +85,11 @@ def density_field(
     edges = tuple(low[k] + size[k] * np.linspace(0.0, 1.0, numbers[k] + 1) for k in range(d))
     total = np.zeros(int(np.prod(numbers)))
     volume = float(np.prod(size)) / len(total)
-    weight = np.ones(len(first.radius))
-    if quantity == "packing_fraction":
-        weight = (4 / 3 * np.pi * first.radius**3 if d == 3 else np.pi * first.radius**2) / POINTS
     offsets = _within(d) if quantity == "packing_fraction" else np.zeros((1, d))
     for frame in chosen:
+        weight = np.ones(len(frame.radius))
+        if quantity == "packing_fraction":
+            weight = (4 / 3 * np.pi * frame.radius**3 if d == 3 else np.pi * frame.radius**2) / POINTS
         with computing(frame.file.path, "density field"):
             for offset in offsets:
                 place = wrapped(frame.box, frame.position[:, :d] + frame.radius[:, None] * offset)

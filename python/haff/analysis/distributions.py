@@ -78,10 +78,9 @@ def pair_distributions(
     chosen = list(frames)
     if not chosen:
         raise NotApplicableError("no frames")
-    species = chosen[0].species
-    if len(species) < 2:
+    if any(len(frame.species) < 2 for frame in chosen):
         raise NotApplicableError("fewer than two particles: there is no pair")
-    present, kind = np.unique(species, return_inverse=True)
+    present = np.unique(np.concatenate([frame.species for frame in chosen]))
     tally = _Tally(len(present), bins, r_max)
     rng = np.random.default_rng(seed)
     for frame in chosen:
@@ -89,12 +88,13 @@ def pair_distributions(
         if not box.fully_periodic:
             raise NotApplicableError("g(r) needs a periodic box")
         require_room(box, r_max, "g(r)")
+        species = frame.species
         near = len(species) / box.volume * _ball(r_max, box.dimension)
         share = min(1.0, limit / max(1.0, len(chosen) * len(species) * near))
         centers = np.zeros(len(species), bool)
         centers[rng.permutation(len(species))[: math.ceil(share * len(species))]] = True
         with computing(frame.file.path, "g(r)"):
-            tally.add(frame, kind, centers)
+            tally.add(frame, np.searchsorted(present, species), centers)
     return tally.result(tuple(int(s) for s in present), len(chosen))
 
 

@@ -106,15 +106,15 @@ def height_profile(
     box = chosen[0].box
     k = AXES.index(choice("axis", axis, AXES[: box.dimension])) if axis is not None else height_axis(chosen[0].file)[0]
     area = _area(box, k)
-    mobile = np.isfinite(chosen[0].mass)
-    if not mobile.any():
+    if not any(np.isfinite(frame.mass).any() for frame in chosen):
         raise NotApplicableError("no body of finite mass: there is no profile")
-    low, high = _limits(chosen, mobile, k, limits)
+    low, high = _limits(chosen, k, limits)
     edges = np.linspace(low, high, bins + 1)
-    layers = _Layers(chosen[0].mass[mobile], bins, len(chosen))
+    layers = _Layers(bins, len(chosen))
     for row, frame in enumerate(chosen):
         with computing(frame.file.path, "height profile"):
-            layers.add(row, frame.position[mobile, k], frame.peculiar_velocity[mobile], edges)
+            mobile = np.isfinite(frame.mass)
+            layers.add(row, frame.mass[mobile], frame.position[mobile, k], frame.peculiar_velocity[mobile], edges)
     return layers.profile(AXES[k], edges, area * (edges[1] - edges[0]), box.dimension)
 
 
@@ -127,9 +127,7 @@ def _area(box: Box, axis: int) -> float:
     return float(np.prod(box.size[others]))
 
 
-def _limits(
-    frames: list[Frame], mobile: NDArray[np.bool_], axis: int, limits: tuple[float, float] | None
-) -> tuple[float, float]:
+def _limits(frames: list[Frame], axis: int, limits: tuple[float, float] | None) -> tuple[float, float]:
     if limits is not None:
         try:
             low, high = reals("limits", limits)
@@ -141,8 +139,8 @@ def _limits(
     box = frames[0].box
     if box.boundary[axis] != "open":
         return 0.0, float(box.size[axis])
-    low = min(float(frame.position[mobile, axis].min()) for frame in frames)
-    high = max(float(frame.position[mobile, axis].max()) for frame in frames)
+    places = [frame.position[np.isfinite(frame.mass), axis] for frame in frames]
+    low, high = min(float(at.min()) for at in places if len(at)), max(float(at.max()) for at in places if len(at))
     # A floor at 0 is usual; the highest center must be inside of the last layer.
     low = 0.0 if 0 <= low < 0.5 * high else low
     return low, max(high * (1 + 1e-12) if high > 0 else high, low + 1e-9 * max(1.0, abs(low)))
@@ -151,19 +149,19 @@ def _limits(
 class _Layers:
     """Sums of each frame in each layer."""
 
-    def __init__(self, mass: Array, bins: int, frames: int) -> None:
-        self.mass, self.bins = mass, bins
+    def __init__(self, bins: int, frames: int) -> None:
+        self.bins = bins
         self.count = np.zeros((frames, bins))
         self.mass_sum = np.zeros((frames, bins))
         self.momentum = np.zeros((frames, bins, 3))
         self.energy = np.zeros((frames, bins))
 
-    def add(self, row: int, place: Array, velocity: Array, edges: Array) -> None:
+    def add(self, row: int, mass: Array, place: Array, velocity: Array, edges: Array) -> None:
         at = np.searchsorted(edges, place, side="right") - 1
         # The upper limit belongs to the last layer.
         at[place == edges[-1]] = self.bins - 1
         inside = (at >= 0) & (at < self.bins)
-        at, velocity, mass = at[inside], velocity[inside], self.mass[inside]
+        at, velocity, mass = at[inside], velocity[inside], mass[inside]
         self.count[row] = np.bincount(at, minlength=self.bins)
         self.mass_sum[row] = np.bincount(at, mass, self.bins)
         for c in range(3):

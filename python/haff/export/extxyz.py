@@ -25,7 +25,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     """
     file, room = frames.file, extent(frames)
     words = [re.sub(r"\s+", "_", escaped(name)).replace('"', "'") for name in file.species_names]
-    names = np.array(words)[file.species]
+    names = np.array(words)
     origin = " ".join(f"{edge!r}" for edge in room.origin.tolist())
     pbc = " ".join("T" if flag else "F" for flag in file.box.periodic & (np.arange(3) < file.dimension))
     title = re.sub(r'["\\]', "'", escaped(file.title))
@@ -37,14 +37,14 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             edges = " ".join(f"{edge!r}" for edge in lattice.ravel().tolist())
             properties = _PROPERTIES if spins is None else _PROPERTIES + _SPIN
             out.write(
-                f'{len(file)}\nLattice="{edges}" Origin="{origin}" pbc="{pbc}" Properties={properties} '
+                f'{len(frame.id)}\nLattice="{edges}" Origin="{origin}" pbc="{pbc}" Properties={properties} '
                 f'Time={frame.time!r} Step={frame.step} Title="{title}"\n'
             )
             position = frame.unwrapped if unwrapped else frame.position
-            columns = {"type": names}
+            columns = {"type": names[frame.species]}
             columns |= {f"r{k}": position[:, k] for k in range(3)}
             columns |= {f"v{k}": frame.velocity[:, k] for k in range(3)}
-            columns |= {"radius": file.radius, "mass": file.mass, "id": np.arange(len(file))}
+            columns |= {"radius": frame.radius, "mass": frame.mass, "id": frame.id}
             columns |= {f"image{k}": frame.image[:, k] for k in range(3)}
             if spins is not None:
                 columns |= {f"w{k}": spins[:, k] for k in range(3)}

@@ -30,6 +30,8 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     A sheared box is tilted, and positions are moved along the flow into it, an image on. Raises
     :class:`NotApplicableError` if the format cannot hold that box.
 
+    Where particles come and go, a frame has those that are there, and ``particles/id`` in the log says which they are.
+
     With spin, ``moment_inertia`` is I about each axis of rotation, and ``angmom`` the quaternion (0, 2 I ω) that
     HOOMD-blue has for the default orientation, (1, 0, 0, 0); both are 0 for bodies of infinite mass.
     """
@@ -40,7 +42,7 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
         raise NotApplicableError(f"{file.path}: gsd cannot hold the box: {fault}; extxyz can")
     flat = file.dimension == 2
     shapes = _shapes(file)
-    moment = _moments(file)
+    moments = _moments(file)
     with gsd.open(str(path), "w") as trajectory:
         for frame in frames:
             here = room.of(frame.box)
@@ -60,18 +62,21 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
             written.configuration.dimensions = file.dimension
             written.configuration.box = [size[0], size[1], 0 if flat else size[2], *tilts]
             particles = written.particles
-            particles.N = len(file)
+            particles.N = len(frame.id)
             particles.types = [escaped(name) for name in file.species_names]
-            particles.typeid = file.species
+            particles.typeid = frame.species
             particles.type_shapes = shapes
-            particles.mass = file.mass
-            particles.diameter = 2 * file.radius
+            particles.mass = frame.mass
+            particles.diameter = 2 * frame.radius
             particles.position, particles.image = position, image
             particles.velocity = velocity
-            if moment is not None and frame.angular_velocity is not None:
+            if moments is not None and frame.angular_velocity is not None:
+                moment = moments[frame.id]
                 particles.moment_inertia = moment
                 particles.angmom = np.pad(2 * moment * frame.angular_velocity, ((0, 0), (1, 0)))
             written.log = {"time": np.array([frame.time]), "box_center": np.asarray(here.center)}
+            if file.flows:
+                written.log["particles/id"] = frame.id.astype(np.uint32)
             trajectory.append(written)
 
 

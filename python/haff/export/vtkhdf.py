@@ -24,41 +24,51 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
     box_size, periodic, the names of the species, and of a sheared box box_edges, whose rows are the edge vectors at
     each step. Constant data are stored once. VTK's points have no box: positions are those of haff.
     """
-    file, room, count = frames.file, extent(frames), len(frames.file)
+    file, room = frames.file, extent(frames)
+    counts = np.count_nonzero(frames.present, axis=1).astype(np.int64)
+    ends = np.cumsum(counts)
+    rows, total = ends - counts, int(counts.sum())
     with Sink(path) as sink, h5py.File(sink, "w", libver=("earliest", "v110")) as hdf:
         root = hdf.create_group("VTKHDF")
         root.attrs["Version"] = np.array(_VERSION, np.int64)
         root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len("PolyData")))
-        root["NumberOfPoints"] = np.array([count], np.int64)
+        # A part for each step where their numbers differ, else one of all.
+        parts = counts if file.flows else counts[:1]
+        root["NumberOfPoints"] = parts
         for name in _CELLS:
             group = root.create_group(name)
-            cells = count if name == "Vertices" else 0
-            group["NumberOfCells"] = np.array([cells], np.int64)
-            group["NumberOfConnectivityIds"] = np.array([cells], np.int64)
-            group["Offsets"] = np.arange(cells + 1, dtype=np.int64)
-            group["Connectivity"] = np.arange(cells, dtype=np.int64)
+            cells = parts if name == "Vertices" else 0 * parts
+            group["NumberOfCells"] = cells
+            group["NumberOfConnectivityIds"] = cells
+            group["Offsets"] = np.concatenate([np.arange(number + 1, dtype=np.int64) for number in cells])
+            group["Connectivity"] = np.concatenate([np.arange(number, dtype=np.int64) for number in cells])
 
         steps = root.create_group("Steps")
         steps.attrs["NSteps"] = len(frames)
         steps["Values"] = np.asarray(frames.time, float)
-        rows = np.arange(len(frames), dtype=np.int64) * count
         still = np.zeros(len(frames), np.int64)
         steps["PointOffsets"] = rows
-        steps["PartOffsets"], steps["NumberOfParts"] = still, still + 1
-        steps["CellOffsets"] = np.zeros((len(frames), len(_CELLS)), np.int64)
-        steps["ConnectivityIdOffsets"] = np.zeros((len(frames), len(_CELLS)), np.int64)
+        steps["PartOffsets"] = np.arange(len(frames)) if file.flows else still
+        steps["NumberOfParts"] = still + 1
+        cells = np.zeros((len(frames), len(_CELLS)), np.int64)
+        if file.flows:
+            cells[:, _CELLS.index("Vertices")] = rows
+        steps["CellOffsets"] = steps["ConnectivityIdOffsets"] = cells
 
         points, offsets = root.create_group("PointData"), steps.create_group("PointDataOffsets")
-        fixed = {"radius": file.radius, "mass": file.mass, "species": file.species, "id": np.arange(count)}
-        for name, values in fixed.items():
-            points[name], offsets[name] = values, still
+        fixed = {"radius": file.radius, "mass": file.mass, "species": file.species, "id": np.arange(len(file))}
         moving = {
-            "Points": _growing(root, "Points", np.float64, len(frames) * count),
-            "velocity": _growing(points, "velocity", np.float64, len(frames) * count),
-            "image": _growing(points, "image", np.int32, len(frames) * count),
+            "Points": _growing(root, "Points", (total, 3), np.float64),
+            "velocity": _growing(points, "velocity", (total, 3), np.float64),
+            "image": _growing(points, "image", (total, 3), np.int32),
         }
         if len(frames) and frames[0].angular_velocity is not None:
-            moving["angular_velocity"] = _growing(points, "angular_velocity", np.float64, len(frames) * count)
+            moving["angular_velocity"] = _growing(points, "angular_velocity", (total, 3), np.float64)
+        for name, values in fixed.items():
+            if file.flows:
+                moving[name] = _growing(points, name, (total,), values.dtype)
+            else:
+                points[name], offsets[name] = values, still
         for name in list(moving)[1:]:
             offsets[name] = rows
 
@@ -83,17 +93,15 @@ def write(frames: Frames, path: Path, *, unwrapped: bool = False) -> None:
         places["species_names"] = still
         sizes["species_names"] = np.tile([1, len(file.species_names)], (len(frames), 1))
 
-        for row, frame in zip(rows, frames):
-            moving["Points"][row : row + count] = frame.unwrapped if unwrapped else frame.position
-            moving["velocity"][row : row + count] = frame.velocity
-            moving["image"][row : row + count] = frame.image
-            if frame.angular_velocity is not None:
-                moving["angular_velocity"][row : row + count] = frame.angular_velocity
+        for row, end, frame in zip(rows, ends, frames):
+            written = {"Points": frame.unwrapped if unwrapped else frame.position}
+            for name in list(moving)[1:]:
+                written[name] = getattr(frame, name)
+            for name, values in written.items():
+                moving[name][row:end] = values
             sink.check()
 
 
-def _growing(group: h5py.Group, name: str, dtype: type, rows: int) -> h5py.Dataset:
-    chunk = (max(1, min(rows, _CHUNK)), 3)
-    return group.create_dataset(
-        name, (rows, 3), dtype, chunks=chunk, compression="gzip", compression_opts=4, shuffle=True
-    )
+def _growing(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: np.typing.DTypeLike) -> h5py.Dataset:
+    chunk = (max(1, min(shape[0], _CHUNK)), *shape[1:])
+    return group.create_dataset(name, shape, dtype, chunks=chunk, compression="gzip", compression_opts=4, shuffle=True)

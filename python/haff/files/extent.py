@@ -39,7 +39,7 @@ def extent(frames: Frames) -> Extent:
     In two dimensions the region is as thick as the largest disk, about z = 0.
     """
     file = frames.file
-    box, radius = file.box, file.radius[:, None]
+    box, largest = file.box, float(file.radius.max(initial=0.0))
     bounded = np.array([kind != "open" for kind in box.boundary])
     bounded[box.dimension :] = False
     size = (
@@ -50,8 +50,12 @@ def extent(frames: Frames) -> Extent:
     if np.any(reach & ~bounded):
         low[~bounded], high[~bounded] = np.inf, -np.inf
         for frame in frames:
-            low[~bounded] = np.minimum(low, (frame.position - radius).min(axis=0))[~bounded]
-            high[~bounded] = np.maximum(high, (frame.position + radius).max(axis=0))[~bounded]
-    thick = float(radius.max(initial=0.0)) or 0.5
+            radius = frame.radius[:, None]
+            low[~bounded] = np.minimum(low, (frame.position - radius).min(axis=0, initial=np.inf))[~bounded]
+            high[~bounded] = np.maximum(high, (frame.position + radius).max(axis=0, initial=-np.inf))[~bounded]
+        # No frame has a particle.
+        empty = ~bounded & ~(low < high)
+        low[empty], high[empty] = 0.0, box.size[empty]
+    thick = largest or 0.5
     low[~reach], high[~reach] = -thick, thick
     return Extent(low, high - low, bounded)

@@ -33,7 +33,8 @@ _VECTORS = {"position": "f", "velocity": "f", "image": "iu", "angular_velocity":
 class Frame(ReadOnly):
     """All particles at one time; arrays are read on first use and then kept.
 
-    Rows are particles in the order of the scene.
+    Rows are particles in the order of the scene. Where particles come and go by inlets and outlets, only those that
+    are there at this time: :attr:`id` says which.
     """
 
     def __init__(self, frames: Frames, row: int) -> None:
@@ -63,6 +64,17 @@ class Frame(ReadOnly):
     def step(self) -> int:
         """Collisions and wall collisions so far."""
         return int(self._frames._steps(range(self._row, self._row + 1))[0])
+
+    @cached_property
+    def id(self) -> NDArray[np.int64]:
+        """``[N]`` rows of the particles in the file: all, or with inlets or outlets those that are there."""
+        present = self.present
+        return np.arange(len(present)) if present.all() else np.flatnonzero(present)
+
+    @cached_property
+    def present(self) -> NDArray[np.bool_]:
+        """Whether each particle of the file is there: all are, unless there are inlets or outlets."""
+        return self._frames._presence(range(self._row, self._row + 1))[0]
 
     @cached_property
     def position(self) -> NDArray[np.float64]:
@@ -133,22 +145,35 @@ class Frame(ReadOnly):
     @property
     def mass(self) -> NDArray[np.float64]:
         """``[N]`` masses; infinite for fixed and driven bodies."""
-        return self.file.mass
+        return self._of_all(self.file.mass)
 
     @property
     def radius(self) -> NDArray[np.float64]:
         """``[N]`` radii [length]."""
-        return self.file.radius
+        return self._of_all(self.file.radius)
 
     @property
     def inertia(self) -> NDArray[np.float64] | None:
         """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin."""
-        return self.file.inertia
+        return None if self.file.inertia is None else self._of_all(self.file.inertia)
 
     @property
     def species(self) -> NDArray[np.int64]:
         """``[N]`` species indices."""
-        return self.file.species
+        return self._of_all(self.file.species)
+
+    def _of_all(self, values: Array) -> Array:
+        """Those of the particles that are there, of values of all."""
+        return values if self._frames._present is None else values[self.id]
+
+    def spread(self, values: Array) -> Array:
+        """Values of the particles of the frame, a row each, as those of all of the file: NaN, or 0 of integers, for
+        particles that are not there."""
+        if self._frames._present is None:
+            return values
+        found = np.full((len(self.file), *values.shape[1:]), np.nan if values.dtype.kind == "f" else 0, values.dtype)
+        found[self.id] = values
+        return found
 
     def to_freud(self) -> tuple[freud.box.Box, NDArray[np.float64]]:
         """The frame as a system of freud: its box, and ``[N, 3]`` positions in it [length]; z = 0 in 2D.
@@ -179,7 +204,7 @@ class Frame(ReadOnly):
         return _table(self, arguments.flag("unwrapped", unwrapped))
 
     def _read(self, name: str) -> Array:
-        return self._frames._values(name, range(self._row, self._row + 1))[0]
+        return self._of_all(self._frames._values(name, range(self._row, self._row + 1))[0])
 
     def _repr_html_(self) -> str:
         """A table for notebooks; reads no vectors."""
@@ -204,12 +229,15 @@ class Frames(ReadOnly, Sequence["Frame"]):
         for name, kinds in _VECTORS.items():
             if name == "position" or stored.find(f"{base}/{name}") is not None:
                 self._columns[name] = stored.column(f"{base}/{name}/value", (None, len(file), 3), kinds)
+        self._present: Column | None = None
+        if stored.find(f"{base}/present") is not None:
+            self._present = stored.column(f"{base}/present/value", (None, len(file)), "iu")
         self._edges: Column | None = None
         if file.shear is not None or file.compression is not None:
             shape = (None, 3) if file.shear is None else (None, 3, 3)
             self._edges = stored.column(f"{base}/box/edges/value", shape, "f")
         if rows is None:
-            moving = () if self._edges is None else (self._edges,)
+            moving = [column for column in (self._edges, self._present) if column is not None]
             length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
             rows = range(complete(self._time, length))
         self._rows = rows
@@ -223,20 +251,38 @@ class Frames(ReadOnly, Sequence["Frame"]):
         """The file that the frames belong to."""
         return self._file
 
+    def _presence(self, rows: range) -> NDArray[np.bool_]:
+        """``[F, N]`` whether each particle is there in some frames."""
+        if self._present is None:
+            return np.ones((len(rows), len(self._file)), bool)
+        values = _take(self._present, rows)
+        self._present.require(values, values <= 1, "0 or 1", rows)
+        return values.astype(bool)
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """``[F, N]`` whether each particle is there: all are, unless there are inlets or outlets."""
+        return self._presence(self._rows)
+
     def _values(self, name: str, rows: range) -> Array:
-        """``[F, N, 3]`` of some frames, checked."""
+        """``[F, N, 3]`` of some frames, checked; NaN for particles that are not there."""
         if name not in self._columns:
             raise MissingDataError(f"{self._file.path}: no {name} in the frames")
         column, box = self._columns[name], self._file.box
         values = _take(column, rows)
+        # Where there is nothing, any number is as good.
+        absent = False if self._present is None else ~self._presence(rows)[:, :, None]
         if name != "image":
-            column.require_finite(values, rows)
+            column.require_finite(values if absent is False else np.where(absent, 0.0, values), rows)
+            values = values if absent is False else np.where(absent, np.nan, values)
         if name == "position":
             size = box.size
             if self._edges is not None and self._file.shear is None:
                 size = np.array([one.size for one in self._boxes(rows)]).reshape(-1, 1, 3)
             inside = (values >= -1e-9 * size) & (values <= (1 + 1e-9) * size)
-            column.require(values, inside | ~box.periodic, f"in the box, [0, L) along periodic axes of {box!r}", rows)
+            column.require(
+                values, inside | ~box.periodic | absent, f"in the box, [0, L) along periodic axes of {box!r}", rows
+            )
         return values
 
     def _boxes(self, rows: range) -> list[Box]:
@@ -271,7 +317,7 @@ class Frames(ReadOnly, Sequence["Frame"]):
         return self._steps(self._rows)
 
     def array(self, name: str) -> Array:
-        """All frames of one quantity at once, ``[F, N, 3]``.
+        """All frames of one quantity at once, ``[F, N, 3]``; NaN for particles that are not there.
 
         ``name`` is ``"position"``, ``"velocity"``, ``"image"``, ``"unwrapped"`` or, if the scene has spin,
         ``"angular_velocity"``.
@@ -326,7 +372,7 @@ def _table(frame: Frame, unwrapped: bool) -> pd.DataFrame:
     import pandas as pd
 
     names = frame.file.species_names
-    columns: dict[str, Any] = {"id": np.arange(len(frame.mass))}
+    columns: dict[str, Any] = {"id": frame.id}
     columns["species"] = pd.Categorical(np.asarray(names)[frame.species], categories=list(dict.fromkeys(names)))
     vectors = {"": frame.unwrapped if unwrapped else frame.position, "v": frame.velocity, "image_": frame.image}
     if frame.angular_velocity is not None:

@@ -169,6 +169,11 @@ class Header(ReadOnly):
         return names
 
     @cached_property
+    def flows(self) -> bool:
+        """Whether particles come and go by inlets and outlets: frames then have those that are there."""
+        return self.stored.find("particles/all/present") is not None
+
+    @cached_property
     def box(self) -> Box:
         """The simulation box.
 

@@ -210,6 +210,6 @@ def recorded_state(path: str | os.PathLike[str], index: int = -1) -> dict[str, A
             "velocity": np.asarray(frame.velocity, np.float64),
             "angular_velocity": None if spins is None else np.asarray(spins, np.float64),
             "image": np.asarray(frame.image, np.int32),
-            "radius": np.asarray(file.radius, np.float64),
-            "mass": np.asarray(file.mass, np.float64),
+            "radius": np.asarray(frame.radius, np.float64),
+            "mass": np.asarray(frame.mass, np.float64),
         }

@@ -115,7 +115,12 @@ def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):
     """A selection of the frames that fits into a page of this size."""
     d = file.dimension
     spin = 2 * _spins(d) if file.inertia is not None else 0
-    frame = len(file) * (4 * d + spin + (3 if file.box.periodic.any() else 0) + (2 if losses else 0)) * BASE64
+    # Single precision where particles come and go: it has a number for those that are not there.
+    frame = (
+        len(file)
+        * ((8 if file.flows else 4) * d + spin + (3 if file.box.periodic.any() else 0) + (2 if losses else 0))
+        * BASE64
+    )
     fits = int(size * 1e6 / frame)
     if fits < 2 and len(chosen) > fits:
         raise NotApplicableError(
@@ -137,7 +142,7 @@ def _frames(
     """Writes the frames in chunks; positions as floats if they are few, otherwise as 65536ths of the extent."""
     d, count = file.dimension, len(file)
     periodic = (file.box.periodic & (np.arange(3) < d))[:d]
-    quantized = len(keys.time) * count * d > EXACT
+    quantized = len(keys.time) * count * d > EXACT and not file.flows
     # A periodic edge has 65536 coordinates, which wrap around.
     unit = np.where(room.size > 0, room.size, 1.0)[:d] / 65536
     mobile = np.isfinite(file.mass)
@@ -158,6 +163,7 @@ def _frames(
         if shear is not None:
             peculiar[:, shear.flow] -= shear.rate * position[:, shear.gradient]
         norm = np.linalg.norm(peculiar, axis=1)[mobile]
+        norm = norm[np.isfinite(norm)]
         speeds.append(float(np.quantile(norm, 0.99) if len(norm) > 100 else norm.max(initial=0.0)))
         # Periodic faces that a particle crossed since the last frame, so that its path continues through them.
         crossed = np.zeros(0, np.int8)

@@ -24,6 +24,8 @@ function meetingTime(a, b, u, w, gravity, radius, dt) {
 
 // Position after the time s of dt; a, b: positions at both ends, unwrapped; u, w: velocities there; meeting: of kinks.
 function place(flight, a, b, u, w, gravity, meeting, s, dt) {
+  // It leaves before the next frame.
+  if (b.some(Number.isNaN)) return a.map((value, k) => value + u[k] * s + 0.5 * gravity[k] * s * s);
   const x = dt > 0 ? s / dt : 0;
   const line = a.map((value, k) => value + (b[k] - value) * x);
   if (flight === "line" || dt <= 0) return line;

@@ -39,16 +39,16 @@ def recorded(frames: Frames) -> Keyframes:
 
     def state(k: int) -> State:
         frame = frames[k]
-        return frame.position, frame.velocity, frame.image
+        return frame.spread(frame.position), frame.spread(frame.velocity), frame.spread(frame.image)
 
     displacement = None
     if frames.file.shear is not None:
         displacement = np.array([frame.box.displacement[2] for frame in frames if frame.box.displacement])
 
     def spin(k: int) -> np.ndarray:
-        found = frames[k].angular_velocity
-        assert found is not None
-        return found
+        frame = frames[k]
+        assert frame.angular_velocity is not None
+        return frame.spread(frame.angular_velocity)
 
     return Keyframes(np.asarray(frames.time, float), state, False, displacement, spin if _spinning(frames) else None)
 
@@ -63,7 +63,7 @@ def along_flights(file: File, frames: Frames) -> Keyframes | None:
 
     The log lacks the changes of velocities by drives, and images of a box that changes with time slide.
     """
-    if len(frames) < 2 or "events" not in file or file.scene.get("drive") or file.compression is not None:
+    if len(frames) < 2 or "events" not in file or file.scene.get("drive") or file.compression is not None or file.flows:
         return None
     try:
         paths = trajectories.flights(file)

@@ -30,6 +30,8 @@ out vec3 at;
 #endif
 
 vec3 place(vec3 a, vec3 b, vec3 u, vec3 w, vec3 g) {
+  // It leaves before the next frame.
+  if (any(isnan(b))) return a + u * s + 0.5 * g * s * s;
   float x = dt > 0.0 ? s / dt : 0.0;
   vec3 line = mix(a, b, x);
   if (flight == 0 || dt <= 0.0) return line;
@@ -58,6 +60,11 @@ bool enclosed(vec3 at, vec3 axes) {
 }
 
 void main() {
+  // It is not there yet, or not any more.
+  if (any(isnan(p0))) {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    return;
+  }
   // Place and velocity at the next frame of the image that is in the box at this one.
   float rows = dot(crossed, gradient);
   vec3 u = v0 * unit0, w = v1 * unit1 + rows * speed * flow;

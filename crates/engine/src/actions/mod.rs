@@ -1,8 +1,8 @@
 /*!
-What acts at stated times: drives, and scans that put grains to rest.
+What acts at stated times: drives, inlets and outlets, and scans that put grains to rest.
 
 *What is here.* [`timed`] is the seam: an action has a next time, and changes particles at it. [`drive`] has
-one file for each drive, [`settling`] the scans.
+one file for each drive, [`flow`] inlets and outlets, [`settling`] the scans.
 
 *What to change here.* A new drive: its data in `model/drive.rs`, and a file in `drive/` that implements
 [`timed::TimedAction`] (copy `rescale.rs`), with its arm in `drive/actions.rs`. An action that is no drive is
@@ -15,5 +15,6 @@ added in `actions` of `simulation/run.rs`. A drive of another crate implements
 */
 
 pub(crate) mod drive;
+pub(crate) mod flow;
 pub(crate) mod settling;
 pub(crate) mod timed;

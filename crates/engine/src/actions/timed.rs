@@ -15,13 +15,19 @@ pub(crate) trait TimedAction: Send {
     /// The next time of the action \[ticks\]; `i64::MAX` for never.
     fn next(&self, state: &State) -> i64;
 
-    /// Applies the action at the present. Returns the particles whose anchors it has set.
+    /// Applies the action at the present, with the ids of particles in events (`report::with_ids`). Returns
+    /// the particles whose anchors it has set.
     fn apply(
         &mut self,
         state: &mut State,
         geometry: &Geometry,
         observer: &mut dyn Observer,
     ) -> Result<Vec<u32>, EngineError>;
+
+    /// Whether it will set something in motion, so that a system at rest goes on.
+    fn brings(&self) -> bool {
+        false
+    }
 
     /// Saves the action's own data, which a resumed run needs beside the state.
     fn save(&self, _put: &mut dyn FnMut(&str, u64)) {}

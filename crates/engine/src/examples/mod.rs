@@ -55,6 +55,7 @@ fn two_spheres() -> Simulation {
         spin: None,
         drives: Vec::new(),
         measure: crate::Measure::default(),
+        flow: None,
         seed: 0,
     };
     Simulation::new(system, Options::default()).expect("the system is valid")

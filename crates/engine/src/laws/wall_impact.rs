@@ -77,7 +77,7 @@ pub(crate) fn collide_with_wall<F: Features>(
         // Nothing predicts such a contact.
         WallLaw::Passes => WallOutcome::Reflection { velocity: contact.velocity, spin: None },
         WallLaw::Thermal(law) => {
-            let draw = Draw::new(world.seed, i, u64::from(world.particles[i as usize].count));
+            let draw = Draw::new(world.seed, world.id(i), u64::from(world.particles[i as usize].count));
             match law.velocity(draw, class.mass, n, world.dimension) {
                 Some(relative) => {
                     let spin = world.spin.as_deref().map(|spins| {

@@ -8,7 +8,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::{
     numerics::total::BLOCK,
     report::Frame,
-    state::{State, world::World},
+    state::{State, population::Population, world::World},
 };
 
 /// Present position, velocity and image of a particle, wrapped into the box.
@@ -38,6 +38,7 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
         } else {
             Vec::new()
         },
+        present: Vec::new(),
     };
     let Frame { position, velocity, image, .. } = &mut frame;
     (position, velocity, image).into_par_iter().enumerate().with_min_len(BLOCK).for_each(
@@ -46,7 +47,26 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
             *image = world.image_in_box(*image, world.now);
         },
     );
-    frame
+    match &state.population {
+        Some(population) => spread(&frame, population),
+        None => frame,
+    }
+}
+
+/// A frame of all particles of the list, from that of those that are there.
+fn spread(frame: &Frame, population: &Population) -> Frame {
+    let all = population.all();
+    let spins = if frame.angular_velocity.len() == population.ids.len() { all } else { 0 };
+    Frame {
+        time: frame.time,
+        step: frame.step,
+        edges: frame.edges,
+        position: population.spread(&frame.position, vec![DVec3::NAN; all]),
+        velocity: population.spread(&frame.velocity, vec![DVec3::NAN; all]),
+        image: population.spread(&frame.image, vec![[0; 3]; all]),
+        angular_velocity: population.spread(&frame.angular_velocity, vec![DVec3::NAN; spins]),
+        present: population.spread(&vec![true; population.ids.len()], vec![false; all]),
+    }
 }
 
 /// A 128-bit hash of every particle's position, velocity and image at the present, and of its spin.
@@ -62,6 +82,9 @@ pub(crate) fn hash(world: &World) -> u128 {
                 block.extend(value.to_le_bytes());
             }
             block.extend(image.into_iter().flat_map(i32::to_le_bytes));
+            if world.ids.is_some() {
+                block.extend(world.id(i as u32).to_le_bytes());
+            }
             if world.spin.is_some() {
                 let spin = world.angular_velocity(i as u32, world.now);
                 block.extend(spin.to_array().into_iter().flat_map(f64::to_le_bytes));

@@ -18,6 +18,7 @@ pub(crate) enum Species {
 }
 
 impl Species {
+    /// The species of the bodies of a system.
     pub fn new(system: &System) -> Self {
         let mut of_class = vec![None; system.classes.len()];
         for body in &system.bodies {
@@ -31,7 +32,7 @@ impl Species {
     pub fn of(&self, world: &World, i: u32) -> u32 {
         match self {
             Self::OfClass(species) => species[world.system_class(i)],
-            Self::OfRow(species) => species[i as usize],
+            Self::OfRow(species) => species[world.id(i) as usize],
         }
     }
 }
@@ -41,7 +42,7 @@ impl Species {
 pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State, time: f64) -> Sample {
     let totals = Totals::of(&state.world);
     let ledger = ledger(state, &totals);
-    let State { world, accumulators, .. } = state;
+    let State { world, accumulators, population, .. } = state;
     let d = system.dimension.count() as f64;
     let common = totals.common_velocity(world);
 
@@ -130,8 +131,18 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         collisions: accumulators.counters.collisions,
         wall_collisions: accumulators.counters.wall_collisions,
         collision_rate: rate,
+        particles: 0,
+        particles_in: 0,
+        particles_out: 0,
+        discharge_rate: f64::NAN,
         mean_free_time: if first || span <= 0.0 { f64::NAN } else { bodies * span / flights as f64 },
     };
+    if let Some(population) = population {
+        sample.particles = world.movable as u64;
+        [sample.particles_in, sample.particles_out] = population.passages();
+        let left = population.left - std::mem::replace(&mut population.left_before, population.left);
+        sample.discharge_rate = if first || span <= 0.0 { f64::NAN } else { left as f64 / span };
+    }
     accumulators.start_interval(time);
     world.complete_walls(time, &mut sample);
     sample

@@ -8,6 +8,7 @@ use haff_mechanics::{Restitution, Shape, Surface};
 use crate::model::{
     compression::Compression,
     drive::Drive,
+    flow::Flow,
     measure::Measure,
     shear::Shear,
     spin::Spin,
@@ -241,6 +242,26 @@ pub struct System {
     pub seed: u64,
     /// What to measure while the run goes on.
     pub measure: Measure,
+    /// Inlets and outlets, if there are any.
+    pub flow: Option<Box<Flow>>,
+}
+
+impl System {
+    /// The bodies that are there at the start: all, unless others come in by inlets.
+    #[must_use]
+    pub fn bodies_at_start(&self) -> &[Body] {
+        let present = self.flow.as_ref().map_or(self.bodies.len(), |flow| flow.present);
+        &self.bodies[..present.min(self.bodies.len())]
+    }
+
+    /// The system with those of its bodies only that have these indices.
+    pub(crate) fn with_bodies(mut self, ids: &[u32]) -> Self {
+        self.bodies = ids.iter().map(|&id| self.bodies[id as usize]).collect();
+        if let Some(spin) = &mut self.spin {
+            spin.angular_velocity = ids.iter().map(|&id| spin.angular_velocity[id as usize]).collect();
+        }
+        self
+    }
 }
 
 /// The search for collision partners. The choice never changes the trajectory.

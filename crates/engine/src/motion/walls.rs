@@ -6,7 +6,10 @@ use haff_mechanics::{RelativeFlight, Surface, Swing};
 use crate::{
     model::{Shape, WallMotion, bounds::allowed_overlap, wall_law::WallLaw, wall_motion::Approach},
     numerics::clock::HORIZON,
-    state::{particle::Particle, world::World},
+    state::{
+        particle::{ClassData, Particle},
+        world::World,
+    },
 };
 
 impl World {
@@ -126,7 +129,12 @@ impl World {
     /// Signed distance of a position of particle i from a wall at present \[length\]: of a closed surface
     /// negative on the wrong side. Infinite if the particle passes through the wall.
     pub fn wall_distance(&self, i: u32, wall: u32, position: DVec3) -> f64 {
-        if self.laws.has_passages && self.wall_law(self.class(i), wall) == WallLaw::Passes {
+        self.distance_for(self.class(i), wall, position)
+    }
+
+    /// [`Self::wall_distance`] for a particle of this class.
+    pub fn distance_for(&self, class: &ClassData, wall: u32, position: DVec3) -> f64 {
+        if self.laws.has_passages && self.wall_law(class, wall) == WallLaw::Passes {
             return f64::INFINITY;
         }
         let plane = &self.boundary.walls[wall as usize];

@@ -9,7 +9,7 @@ pub struct Checkpoint {
     pub position: Vec<DVec3>,
     /// Velocities [length/time].
     pub velocity: Vec<DVec3>,
-    /// Anchor times [ticks since the epoch's start].
+    /// Anchor times [ticks since the epoch's start]; the least integer for a particle that is not there.
     pub anchor: Vec<i64>,
     /// Box images of the anchors.
     pub image: Vec<[i32; 3]>,

@@ -34,11 +34,15 @@ pub enum EventKind {
     Change = 9,
     /// A stretch of sliding with friction on a wall ends: the grain rolls from now on, or has another event.
     Slide = 10,
+    /// A particle comes in by an inlet: no partner.
+    Enter = 11,
+    /// An outlet takes a particle out: no partner.
+    Leave = 12,
 }
 
 impl EventKind {
     /// Every kind; the index of a kind is its discriminant.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Collision,
         Self::Wall,
         Self::Rest,
@@ -50,7 +54,15 @@ impl EventKind {
         Self::Settle,
         Self::Change,
         Self::Slide,
+        Self::Enter,
+        Self::Leave,
     ];
+
+    /// Whether its partner is another particle.
+    #[must_use]
+    pub fn is_of_two_particles(self) -> bool {
+        matches!(self, Self::Collision | Self::Release | Self::Stick | Self::Settle)
+    }
 
     /// The name in files.
     pub fn name(self) -> &'static str {
@@ -66,6 +78,8 @@ impl EventKind {
             Self::Settle => "settle",
             Self::Change => "change",
             Self::Slide => "slide",
+            Self::Enter => "enter",
+            Self::Leave => "leave",
         }
     }
 }

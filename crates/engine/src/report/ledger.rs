@@ -25,12 +25,24 @@ pub enum Term {
     Rest,
     /// Energy given by changes of the state from outside.
     Change,
+    /// Energy that inlets bring in.
+    Inlet,
+    /// Energy that outlets take out.
+    Outlet,
 }
 
 impl Term {
     /// Every term; the index of a term is its discriminant.
-    pub const ALL: [Self; 6] =
-        [Self::WallWork, Self::WallHeat, Self::DriveWork, Self::ShearWork, Self::Rest, Self::Change];
+    pub const ALL: [Self; 8] = [
+        Self::WallWork,
+        Self::WallHeat,
+        Self::DriveWork,
+        Self::ShearWork,
+        Self::Rest,
+        Self::Change,
+        Self::Inlet,
+        Self::Outlet,
+    ];
 
     /// The name in files and reports.
     pub fn name(self) -> &'static str {
@@ -41,6 +53,8 @@ impl Term {
             Self::ShearWork => "shear_work",
             Self::Rest => "rest_energy",
             Self::Change => "change_work",
+            Self::Inlet => "inlet_energy",
+            Self::Outlet => "outlet_energy",
         }
     }
 
@@ -53,14 +67,21 @@ impl Term {
             Self::ShearWork => "work of shear",
             Self::Rest => "taken by rest",
             Self::Change => "given by changes",
+            Self::Inlet => "brought in by inlets",
+            Self::Outlet => "taken out by outlets",
         }
     }
 
     /// 1 if the term is energy given to the particles, −1 if it is energy taken from them.
     pub fn sign(self) -> f64 {
         match self {
-            Self::WallWork | Self::WallHeat | Self::DriveWork | Self::ShearWork | Self::Change => 1.0,
-            Self::Rest => -1.0,
+            Self::WallWork
+            | Self::WallHeat
+            | Self::DriveWork
+            | Self::ShearWork
+            | Self::Change
+            | Self::Inlet => 1.0,
+            Self::Rest | Self::Outlet => -1.0,
         }
     }
 
@@ -75,6 +96,8 @@ impl Term {
             Self::Rest => system.contacts.rest_speed > 0.0,
             // No system says whether a run is changed on its way: `SceneFeatures::with_terms` does.
             Self::Change => false,
+            Self::Inlet => system.flow.as_ref().is_some_and(|flow| !flow.inlets.is_empty()),
+            Self::Outlet => system.flow.as_ref().is_some_and(|flow| !flow.outlets.is_empty()),
         }
     }
 }

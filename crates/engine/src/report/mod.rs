@@ -34,6 +34,7 @@ pub use compressed::Compressed;
 pub use correlation::{CORRELATIONS, Correlation, CorrelationKind};
 pub(crate) use event::row;
 pub use event::{EventColumn, EventKind, EventRecord, NO_PARTNER};
+pub(crate) use observer::with_ids;
 pub use observer::{Observer, ProfileRow, Silent};
 pub use sample::{BlockCounts, Counters, Frame, Sample, Stop};
 

@@ -77,6 +77,8 @@ pub struct SceneFeatures {
     pub stress: bool,
     /// The forces on walls are measured.
     pub wall_forces: bool,
+    /// Particles come and go.
+    pub flow: bool,
     /// Which terms of the energy balance exist, indexed by [`Term`].
     pub terms: [bool; Term::ALL.len()],
     /// The columns of probes.
@@ -97,6 +99,7 @@ impl SceneFeatures {
             compression: system.domain.compression.is_some(),
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
+            flow: system.flow.is_some(),
             terms: Term::ALL.map(|term| term.exists(system)),
             columns: system.measure.probes.iter().flat_map(|probe| probe.columns()).cloned().collect(),
         }
@@ -124,6 +127,7 @@ impl SceneFeatures {
             compression: true,
             stress: true,
             wall_forces: true,
+            flow: true,
             terms: [true; Term::ALL.len()],
             columns: Vec::new(),
         }
@@ -145,7 +149,7 @@ const ENERGIES: [Observable; 7] = [
 ];
 
 /// Rows after the terms of the energy balance.
-const OTHERS: [Observable; 21] = [
+const OTHERS: [Observable; 25] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
     row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
@@ -177,6 +181,10 @@ const OTHERS: [Observable; 21] = [
     row("wall_collisions", "1", Quantity::Count(|s| s.wall_collisions), always),
     row("collision_rate", "1/time", Quantity::Real(|s| s.collision_rate), always),
     row("mean_free_time", "time", Quantity::Real(|s| s.mean_free_time), always),
+    row("particles", "1", Quantity::Count(|s| s.particles), |p| p.flow),
+    row("particles_in", "1", Quantity::Count(|s| s.particles_in), |p| p.flow),
+    row("particles_out", "1", Quantity::Count(|s| s.particles_out), |p| p.flow),
+    row("discharge_rate", "1/time", Quantity::Real(|s| s.discharge_rate), |p| p.flow),
 ];
 
 pub(crate) const fn row(

@@ -1,5 +1,7 @@
 //! What receives the events of a run.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use crate::{model::Exchange, report::event::EventRecord};
@@ -38,6 +40,45 @@ pub struct ProfileRow {
     pub temperature: Vec<f64>,
     /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d].
     pub pressure: Vec<f64>,
+}
+
+/// Calls `run` with an observer that has the ids of particles instead of their indices in the world, where
+/// these differ.
+pub(crate) fn with_ids<R>(
+    ids: Option<Arc<[u32]>>,
+    observer: &mut dyn Observer,
+    run: impl FnOnce(&mut dyn Observer) -> R,
+) -> R {
+    match ids {
+        None => run(observer),
+        Some(ids) => run(&mut Identified { ids, observer }),
+    }
+}
+
+/// Passes events on with the ids of particles.
+struct Identified<'a> {
+    ids: Arc<[u32]>,
+    observer: &'a mut dyn Observer,
+}
+
+impl Observer for Identified<'_> {
+    fn wants_events(&self) -> bool {
+        self.observer.wants_events()
+    }
+
+    fn event(&mut self, event: &EventRecord) {
+        let id = |i: u32| self.ids.get(i as usize).copied().unwrap_or(i);
+        let j = if event.kind.is_of_two_particles() { id(event.j) } else { event.j };
+        self.observer.event(&EventRecord { i: id(event.i), j, ..*event });
+    }
+
+    fn exchange(&mut self, exchange: &Exchange) {
+        self.observer.exchange(exchange);
+    }
+
+    fn profile(&mut self, row: ProfileRow) {
+        self.observer.profile(row);
+    }
 }
 
 /// An observer that ignores all events.

@@ -22,6 +22,9 @@ pub struct Frame {
     pub edges: [DVec3; 3],
     /// Angular velocities [1/time]; empty without spin.
     pub angular_velocity: Vec<DVec3>,
+    /// Whether each particle is there; empty without inlets and outlets. Of one that is not, position and
+    /// velocity are NaN.
+    pub present: Vec<bool>,
 }
 
 /// One row of the observables.
@@ -73,6 +76,15 @@ pub struct Sample {
     pub collisions: u64,
     /// Sphere–wall collisions so far.
     pub wall_collisions: u64,
+    /// With inlets or outlets: number of bodies of finite mass that are there, and of those that have come in
+    /// and have been taken out so far.
+    pub particles: u64,
+    /// See [`Self::particles`].
+    pub particles_in: u64,
+    /// See [`Self::particles`].
+    pub particles_out: u64,
+    /// Particles taken out per time since the previous sample [1/time]; NaN in the first sample.
+    pub discharge_rate: f64,
     /// Sphere–sphere collisions per time since the previous sample [1/time]; NaN in the first sample.
     pub collision_rate: f64,
     /// N Δt over the number of flights that collisions have ended since the previous sample \[time\], with N

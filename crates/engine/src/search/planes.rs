@@ -13,8 +13,11 @@ use crate::{
 /// Rounding of a distance from a wall is less than this part of the extent of the system.
 const SLACK: f64 = 1e-9;
 
-/// Contacts with walls are searched for this much longer than they are wanted, for the rounding of times.
-pub(crate) const LATER: f64 = 1.0 + 1e-9;
+/// The time for which contacts with walls are searched that are wanted within a `duration` [time]: somewhat
+/// longer, for the rounding of times.
+pub(crate) fn searched(duration: f64, tick: f64) -> f64 {
+    duration * (1.0 + 1e-9) + tick
+}
 
 /// The walls of a system as planes, and those of other shapes.
 #[derive(Debug, Clone, Default)]

@@ -23,6 +23,7 @@ use crate::{
         carried,
         earliest::Earliest,
         entry::{Entry, Target},
+        planes,
         search_event::SearchEvent,
     },
     state::{Pending, world::World},
@@ -102,30 +103,39 @@ pub(crate) fn predict<F: Features, S: Search>(
     }
     flush::<F>(world, i, scratch, &mut earliest);
 
-    let walls = search.walls(i);
-    if !walls.is_empty() {
-        predict_walls::<F>(world, i, walls, &mut earliest);
-    }
-
-    // A crossing later than the earliest event is not needed exactly.
+    // A crossing later than the earliest contact with a particle is not needed exactly.
     let within = earliest.entry.time.saturating_sub(world.now) as f64 * world.clock.tick;
     let crossing = match carrier {
         Some(wall) => carried::next_crossing::<F, S>(world, search, i, wall, within),
         None => search.next_crossing(i, &flight::<F>(world, i), within),
     };
+    let mut crossing_time = i64::MAX;
     if let Some(crossing) = crossing {
         let delay = crossing.delay * world.clock.per_time;
         if delay > HORIZON {
             earliest.far = true;
         } else {
-            let time = world.now + whole(delay);
-            if time < earliest.entry.time {
-                let Entry { time: best, target, partner_count, .. } = earliest.entry;
-                let entry =
-                    Entry { time, target: Target::new(SearchEvent::Crossing(crossing.code)), ..nothing };
-                return (entry, Some(BestEvent { time: best, target, partner_count }));
-            }
+            crossing_time = world.now + whole(delay);
         }
+    }
+
+    // After a crossing all walls of the new cell are predicted.
+    let walls = search.walls(i);
+    if !walls.is_empty() {
+        let until = crossing_time.min(earliest.entry.time);
+        predict_walls::<F>(world, i, walls, until, &mut earliest);
+    }
+
+    if let Some(crossing) = crossing
+        && crossing_time < earliest.entry.time
+    {
+        let Entry { time: best, target, partner_count, .. } = earliest.entry;
+        let entry = Entry {
+            time: crossing_time,
+            target: Target::new(SearchEvent::Crossing(crossing.code)),
+            ..nothing
+        };
+        return (entry, Some(BestEvent { time: best, target, partner_count }));
     }
     if earliest.far && earliest.entry.time > world.now + HORIZON as i64 {
         return (Entry { time: world.now + HORIZON as i64, ..nothing }, None);
@@ -433,12 +443,14 @@ fn is_batched_recontact<F: Features>(world: &World, i: u32, batch: &Batch, k: us
     is_spurious_recontact(vector(&batch.r), vector(&batch.v), batch.sigma2[k], larger)
 }
 
-/// Offers the contacts of particle i with walls, predicted from its anchor.
+/// Offers the contacts of particle i with walls, predicted from its anchor: those until a time [ticks], and
+/// perhaps some later ones.
 #[inline]
 pub(crate) fn predict_walls<F: Features>(
     world: &World,
     i: u32,
     walls: &[u16],
+    until: i64,
     earliest: &mut Earliest<SearchEvent>,
 ) {
     let particle = &world.particles[i as usize];
@@ -449,6 +461,8 @@ pub(crate) fn predict_walls<F: Features>(
     }
     let acceleration = if F::GRAVITY { world.acceleration(i) } else { DVec3::ZERO };
     let support = if F::GRAVITY { world.support(i) } else { [None; 3] };
+    let duration = until.saturating_sub(particle.time) as f64 * world.clock.tick;
+    let within = planes::searched(duration, world.clock.tick);
     for &wall in walls {
         if F::GRAVITY && support.contains(&Some(wall)) {
             continue;
@@ -463,7 +477,7 @@ pub(crate) fn predict_walls<F: Features>(
             continue;
         }
         let wall = u32::from(wall);
-        if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall, f64::INFINITY) {
+        if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall, within) {
             earliest.offer_after(particle.time, delay, SearchEvent::Wall(wall), 0);
         }
     }

@@ -24,7 +24,7 @@ use haff_mechanics::Impact;
 
 use crate::{
     laws::{series, slide},
-    measure::totals::Totals,
+    measure::{sample::Species, totals::Totals},
     model::{Body, Class, Domain, System},
     motion::{flights, flow_work},
     numerics::{clock::Clock, error::EngineError, instant::Instant},
@@ -95,6 +95,7 @@ impl Simulation {
     /// # Errors
     /// [`EngineError::Change`] for a change that is not possible; the state is then as before.
     pub fn change(&mut self, change: &Change, observer: &mut dyn Observer) -> Result<(), EngineError> {
+        self.has_fixed_population("particles, positions and velocities")?;
         let (system, survivors) = self.changed_system(change)?;
         self.replace_world(system, &survivors, observer)
     }
@@ -156,6 +157,7 @@ impl Simulation {
         survivors: &[u32],
         observer: &mut dyn Observer,
     ) -> Result<(), EngineError> {
+        self.has_fixed_population("laws, walls and gravity")?;
         let time = self.time();
         let old = &self.state.world;
         let mut world = World::new(&system, 0);
@@ -215,9 +217,11 @@ impl Simulation {
             stall: Stall::default(),
             settling: SettlingState::default(),
             blocks: self.state.blocks,
+            population: None,
         };
         let actions = self.moved_actions(&system, time)?;
-        let mut changed = Self::start(system, self.options, state, actions, Vec::new())?;
+        let species = Species::new(&system);
+        let mut changed = Self::start((system, species), self.options, state, actions, Vec::new())?;
         changed.measurements = std::mem::take(&mut self.measurements);
         changed.set_stop_time(time);
         *self = changed;
@@ -240,6 +244,14 @@ impl Simulation {
         Ok(())
     }
 
+    /// Fails where particles come and go.
+    fn has_fixed_population(&self, what: &str) -> Result<(), EngineError> {
+        if self.state.population.is_none() {
+            return Ok(());
+        }
+        Err(EngineError::Change(format!("{what} cannot change in a run with inlets or outlets")))
+    }
+
     /// The present instant.
     pub fn instant(&self) -> Instant {
         self.state.world.clock.instant(self.state.world.now)
@@ -253,9 +265,17 @@ impl Simulation {
         Ok(self.changed_system(&Change::default())?.0)
     }
 
-    /// Radius, mass and species of every particle; the species is an index into [`System::species`].
+    /// Radius, mass and species of every particle, with those that have left or are still to come; the
+    /// species is an index into [`System::species`].
     pub fn properties(&self) -> Vec<(f64, f64, u32)> {
         let world = &self.state.world;
+        if let Some(population) = &self.state.population {
+            let of = |&(class, species): &(u32, u32)| {
+                let class = &world.classes[class as usize];
+                (class.radius, class.mass, species)
+            };
+            return population.kinds.iter().map(of).collect();
+        }
         let of = |i: u32| {
             let class = world.body(i);
             (class.radius, class.mass, self.species.of(world, i))

@@ -1,11 +1,14 @@
 //! Checkpoints: conversion of the exact state to plain data, and back.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use glam::DVec3;
 
 use crate::{
-    measure::measurements,
+    measure::{measurements, sample::Species},
     model::{Options, System},
     numerics::{
         error::EngineError,
@@ -21,6 +24,7 @@ use crate::{
         flight_sums::{FlightSums, Summed},
         force::Force,
         particle::Support,
+        population::Population,
         settling::SettlingState,
         slide::Slide,
         stall::Stall,
@@ -67,13 +71,16 @@ impl Digits {
     }
 }
 
+/// Names of the numbers of entries and exits, and of exits up to the last sample.
+const PASSAGES: [&str; 3] = ["flow.entered", "flow.left", "flow.left_before"];
+
 /// Names of the sums of a box that is compressed.
 const COMPRESSED: [&str; 2] = ["compressed.virial", "compressed.thermal"];
 
 impl Simulation {
     /// The exact present state.
     pub fn checkpoint(&self) -> Checkpoint {
-        let State { world, accumulators, pending, settling, stall, blocks: _ } = &self.state;
+        let State { world, accumulators, pending, settling, stall, population, blocks: _ } = &self.state;
         let mut scalars = ScalarWriter::default();
         scalars.put("clock.exponent", i64::from(world.clock.exponent) as u64);
         scalars.real("clock.base", world.clock.base);
@@ -161,6 +168,10 @@ impl Simulation {
             scalars.put("settling.recent_contacts", settling.recent_contacts);
             scalars.put("settling.counted_since", settling.counted_since as u64);
         }
+        if let Some(population) = population {
+            let numbers = [population.entered, population.left, population.left_before];
+            PASSAGES.into_iter().zip(numbers).for_each(|(name, number)| scalars.put(name, number));
+        }
         self.save_actions(&mut |name, bits| scalars.put(name, bits));
         let digits = Digits::of(world);
         if digits.are_wide() {
@@ -176,7 +187,7 @@ impl Simulation {
                 [(ASLEEP, world.is_asleep(i)), (RECENTLY_HIT, world.particles[i as usize].is_recently_hit())];
             flags.into_iter().filter(|(_, set)| *set).fold(code, |code, (flag, _)| code | flag)
         };
-        Checkpoint {
+        let checkpoint = Checkpoint {
             position: world.particles.iter().map(|particle| particle.position).collect(),
             velocity: world.particles.iter().map(|particle| particle.velocity).collect(),
             anchor: world.particles.iter().map(|particle| particle.time).collect(),
@@ -186,6 +197,10 @@ impl Simulation {
             resting: (0..world.particles.len() as u32).map(resting).collect(),
             scalars: scalars.scalars,
             measured: self.save_measurements(),
+        };
+        match population {
+            Some(population) => spread(checkpoint, population),
+            None => checkpoint,
         }
     }
 
@@ -206,9 +221,21 @@ impl Simulation {
                 "the scene has {count} particles, it has {lengths:?}"
             )));
         }
+        let species = Species::new(&system);
+        let mut population = Population::of(&system, |_| present(checkpoint));
+        let gathered;
+        let (system, checkpoint) = match &mut population {
+            Some(population) => {
+                gathered = gather(checkpoint, population);
+                (system.with_bodies(&population.ids), &gathered)
+            }
+            None => (system, checkpoint),
+        };
+        let count = system.bodies.len();
         let mut scalars = ScalarReader::new(&checkpoint.scalars).map_err(EngineError::Checkpoint)?;
         let exponent = valid::exponent(scalars.take("clock.exponent"))?;
         let mut world = World::new(&system, exponent);
+        world.ids = population.as_ref().map(|population| Arc::clone(&population.ids));
         world.clock.base = scalars.real("clock.base");
         world.clock.base_low = scalars.real("clock.base_low");
         world.clock.earliest = scalars.real("clock.earliest");
@@ -343,6 +370,11 @@ impl Simulation {
             particles: members(&mut scalars, "stall.particle."),
             walls: members(&mut scalars, "stall.wall."),
         };
+        if let Some(population) = &mut population {
+            let [entered, left, left_before] = PASSAGES.map(|name| scalars.take(name));
+            valid::passages(&system, population.ids.len(), [entered, left, left_before])?;
+            (population.entered, population.left, population.left_before) = (entered, left, left_before);
+        }
         let mut actions = actions(&system);
         for action in &mut actions {
             action.load(&mut |name| scalars.take(name), time)?;
@@ -357,8 +389,15 @@ impl Simulation {
             accumulators.counters.windows,
         ) = (predictions, candidates, windows);
         valid::accumulators(&mut accumulators, &world.clock, time)?;
-        let mut state =
-            State { world, accumulators, pending, stall, settling, blocks: BlockCounts::default() };
+        let mut state = State {
+            world,
+            accumulators,
+            pending,
+            stall,
+            settling,
+            blocks: BlockCounts::default(),
+            population,
+        };
         valid::whole(&system, &state, time)?;
         let mut measurements = measurements(&system, &state);
         let mut words = Words::new(&checkpoint.measured);
@@ -373,13 +412,58 @@ impl Simulation {
             measurement.load(&mut words, time)?;
         }
         words.finish()?;
-        let mut simulation = Self::start(system, options, state, actions, measurements)?;
+        let mut simulation = Self::start((system, species), options, state, actions, measurements)?;
         simulation.find_contacts_of_asleep();
         // The predictions after a resumption are not part of the run: their counters are restored.
         let counters = &mut simulation.state.accumulators.counters;
         (counters.predictions, counters.candidates, counters.windows) = (predictions, candidates, windows);
         simulation.set_stop_time(time);
         Ok(simulation)
+    }
+}
+
+/// The time of the anchor of a particle that is not there.
+const ABSENT: i64 = i64::MIN;
+
+/// The checkpoint of the particles that are there as one of all.
+fn spread(checkpoint: Checkpoint, population: &Population) -> Checkpoint {
+    let all = population.all();
+    let spins = if checkpoint.angular_velocity.len() == population.ids.len() { all } else { 0 };
+    Checkpoint {
+        position: population.spread(&checkpoint.position, vec![DVec3::ZERO; all]),
+        velocity: population.spread(&checkpoint.velocity, vec![DVec3::ZERO; all]),
+        anchor: population.spread(&checkpoint.anchor, vec![ABSENT; all]),
+        image: population.spread(&checkpoint.image, vec![[0; 3]; all]),
+        count: population.spread(&checkpoint.count, population.counts.clone()),
+        angular_velocity: population.spread(&checkpoint.angular_velocity, vec![DVec3::ZERO; spins]),
+        resting: population.spread(&checkpoint.resting, vec![0; all]),
+        ..checkpoint
+    }
+}
+
+/// The particles of a checkpoint that are there.
+fn present(checkpoint: &Checkpoint) -> Vec<u32> {
+    let anchors = (0..).zip(&checkpoint.anchor);
+    anchors.filter(|(_, anchor)| **anchor != ABSENT).map(|(id, _)| id).collect()
+}
+
+/// What [`spread`] was made of; the numbers of events of the others go to the population.
+fn gather(checkpoint: &Checkpoint, population: &mut Population) -> Checkpoint {
+    fn those<T: Clone>(values: &[T], ids: &[u32]) -> Vec<T> {
+        ids.iter().filter_map(|&id| values.get(id as usize).cloned()).collect()
+    }
+    population.counts.clone_from(&checkpoint.count);
+    let ids = &population.ids;
+    Checkpoint {
+        position: those(&checkpoint.position, ids),
+        velocity: those(&checkpoint.velocity, ids),
+        anchor: those(&checkpoint.anchor, ids),
+        image: those(&checkpoint.image, ids),
+        count: those(&checkpoint.count, ids),
+        angular_velocity: those(&checkpoint.angular_velocity, ids),
+        resting: those(&checkpoint.resting, ids),
+        scalars: checkpoint.scalars.clone(),
+        measured: checkpoint.measured.clone(),
     }
 }
 

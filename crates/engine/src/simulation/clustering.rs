@@ -30,7 +30,8 @@ pub fn critical_length(system: &System) -> Option<f64> {
     let moved = system.walls.iter().any(|wall| wall.motion.is_moving())
         || system.contacts.wall.iter().any(WallLaw::is_thermal)
         || system.classes.iter().any(|class| class.mass.is_infinite());
-    if !closed || !free || moved || system.contacts.tc > 0.0 || system.spin.is_some() {
+    if system.flow.is_some() || !closed || !free || moved || system.contacts.tc > 0.0 || system.spin.is_some()
+    {
         return None;
     }
     let mut least = 1.0_f64;
@@ -55,7 +56,7 @@ pub fn critical_length(system: &System) -> Option<f64> {
 pub fn suitable_contact_duration(system: &System) -> Option<f64> {
     // A motion in common does not shorten contacts.
     let movable = || {
-        let classes = system.bodies.iter().map(|body| &system.classes[body.class as usize]);
+        let classes = system.bodies_at_start().iter().map(|body| &system.classes[body.class as usize]);
         thermal_velocities(system).zip(classes).filter(|(_, class)| class.mass.is_finite())
     };
     let count = movable().count().max(1) as f64;
@@ -121,6 +122,7 @@ pub(crate) mod tests {
             drives: Vec::new(),
             seed: 0,
             measure: Measure::default(),
+            flow: None,
         }
     }
 

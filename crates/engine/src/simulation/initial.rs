@@ -7,8 +7,8 @@ use crate::{
     state::deformation::Deformation,
 };
 
-/// Velocities of all bodies relative to the flow of a box that deforms, and to the center of mass of those
-/// of finite mass.
+/// Velocities of all bodies at the start relative to the flow of a box that deforms, and to the center of
+/// mass of those of finite mass.
 pub fn thermal_velocities(system: &System) -> impl Iterator<Item = DVec3> {
     let images = Deformation::of(system);
     let relative = move |body: &Body| {
@@ -16,7 +16,7 @@ pub fn thermal_velocities(system: &System) -> impl Iterator<Item = DVec3> {
         body.velocity - flow
     };
     let (mut mass, mut momentum) = (0.0, DVec3::ZERO);
-    for body in &system.bodies {
+    for body in system.bodies_at_start() {
         let own = system.classes[body.class as usize].mass;
         if own.is_finite() {
             mass += own;
@@ -24,7 +24,7 @@ pub fn thermal_velocities(system: &System) -> impl Iterator<Item = DVec3> {
         }
     }
     let common = if mass > 0.0 { momentum / mass } else { DVec3::ZERO };
-    system.bodies.iter().map(move |body| relative(body) - common)
+    system.bodies_at_start().iter().map(move |body| relative(body) - common)
 }
 
 /// Temperature of a system at the start, the one of [`Sample::temperature`](crate::Sample::temperature)
@@ -37,7 +37,8 @@ pub fn initial_temperature(system: &System, conserved: [bool; 3]) -> Option<f64>
         body.velocity - images.map_or(DVec3::ZERO, |images| images.velocity(body.position, 0.0))
     };
     let movable = || {
-        let all = system.bodies.iter().map(|body| (system.classes[body.class as usize].mass, peculiar(body)));
+        let bodies = system.bodies_at_start().iter();
+        let all = bodies.map(|body| (system.classes[body.class as usize].mass, peculiar(body)));
         all.filter(|(mass, _)| mass.is_finite())
     };
     let (count, mass) = (movable().count() as f64, movable().map(|(mass, _)| mass).sum());

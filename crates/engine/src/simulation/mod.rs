@@ -20,6 +20,7 @@ pub(crate) mod clustering;
 mod deforming;
 mod epochs;
 pub(crate) mod initial;
+mod population;
 mod present;
 pub(crate) mod run;
 pub(crate) mod searches;

@@ -27,7 +27,8 @@ impl Simulation {
         self.stop_time = Some(time);
     }
 
-    /// All particles now, in the order of the system.
+    /// All particles now, in the order of the system; with inlets or outlets those, too, that are not there
+    /// ([`Frame::present`]).
     pub fn frame(&self) -> Frame {
         let mut frame = frame::frame(&self.state, self.time());
         frame.edges = self.edges();
@@ -92,7 +93,8 @@ impl Simulation {
         self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(found.deepest.depth);
         match found.beyond.pair {
             Some((i, partner)) => {
-                Err(EngineError::Overlap { time: self.time(), i, partner, depth: found.beyond.depth })
+                let error = EngineError::Overlap { time: self.time(), i, partner, depth: found.beyond.depth };
+                Err(self.with_ids(error))
             }
             None => Ok(found.deepest),
         }
@@ -108,7 +110,7 @@ impl Simulation {
         format!("{:032x}", frame::hash(&self.state.world))
     }
 
-    /// Number of particles.
+    /// Number of particles that are there.
     pub fn particles(&self) -> usize {
         self.state.world.particles.len()
     }
@@ -159,7 +161,9 @@ impl Simulation {
     pub fn validate(&mut self, tolerance: f64) -> Result<(), EngineError> {
         let time = self.time();
         let frame = self.frame();
-        if let Some(i) = frame.velocity.iter().position(|velocity| !velocity.is_finite()) {
+        let is_there = |i: usize| frame.present.get(i).copied().unwrap_or(true);
+        let moves_wrongly = |&i: &usize| is_there(i) && !frame.velocity[i].is_finite();
+        if let Some(i) = (0..frame.velocity.len()).find(moves_wrongly) {
             return Err(EngineError::Overflow { time, i: i as u32, velocity: frame.velocity[i].to_array() });
         }
         let overlap = self.measure_overlap()?;

@@ -1,6 +1,6 @@
 //! A run: the state, its engine and the epochs of the clock.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use glam::DVec3;
 use haff_neighbors::Geometry;
@@ -8,6 +8,7 @@ use haff_neighbors::Geometry;
 use crate::{
     actions::{
         drive,
+        flow::passage::Passage,
         settling::scan::{SettlingScan, contacts_of_asleep, scan},
         timed::TimedAction,
     },
@@ -18,7 +19,7 @@ use crate::{
         clock::{Clock, EPOCH},
         error::EngineError,
     },
-    report::{BlockCounts, Counters, Observer, Stop},
+    report::{BlockCounts, Counters, Observer, Stop, with_ids},
     search::{
         batch::Kernel,
         event_loop::{Engine, Limit},
@@ -27,8 +28,8 @@ use crate::{
     },
     simulation::{choice::Choice, clustering::suitable_contact_duration},
     state::{
-        State, accumulators::Accumulators, flight_sums::Summed, settling::SettlingState, stall::Stall,
-        world::World,
+        State, accumulators::Accumulators, flight_sums::Summed, population::Population,
+        settling::SettlingState, stall::Stall, world::World,
     },
     support::geometry::{geometry, present_system},
 };
@@ -86,7 +87,14 @@ impl Simulation {
     /// The system must be valid: masses and radii are positive, nothing overlaps, particles are inside their
     /// walls, velocities are finite, and gravity is zero along periodic axes.
     pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
+        let population = Population::of(&system, |present| (0..present as u32).collect());
+        let species = Species::new(&system);
+        let system = match &population {
+            Some(population) => system.with_bodies(&population.ids),
+            None => system,
+        };
         let mut world = World::new(&system, 0);
+        world.ids = population.as_ref().map(|population| Arc::clone(&population.ids));
         let extent = world.extent(open_axes(&system));
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
         // All anchors are at tick 0, which is time 0 for any length of a tick.
@@ -101,15 +109,16 @@ impl Simulation {
             settling: SettlingState::default(),
             blocks: BlockCounts::default(),
             stall: Stall::default(),
+            population,
         };
         let actions = actions(&system);
         let measurements = measurements(&system, &state);
-        Self::start(system, options, state, actions, measurements)
+        Self::start((system, species), options, state, actions, measurements)
     }
 
-    /// Builds the engine for a state.
+    /// Builds the engine for a state. `species` are those of all particles that ever are there.
     pub(crate) fn start(
-        mut system: System,
+        (mut system, species): (System, Species),
         options: Options,
         state: State,
         actions: Vec<Box<dyn TimedAction>>,
@@ -129,7 +138,6 @@ impl Simulation {
         let geometry = geometry(&present, &state.world, choice.filled());
         let engine = choice.compile(&present, &geometry);
         drop(present);
-        let species = Species::new(&system);
         let contact_duration = suitable_contact_duration(&system);
         // The state has a copy of the bodies; they are a quarter of the memory of a large system.
         system.bodies = Vec::new();
@@ -224,8 +232,10 @@ impl Simulation {
                 entries: slice,
             };
             let (engine, state) = (&mut self.engine, &mut self.state);
+            let ids = state.world.ids.clone();
             let run = |observer: &mut dyn Observer| engine.advance(state, &mut limit, observer);
-            let paused = observe(&mut self.measurements, observer, run);
+            let measurements = &mut self.measurements;
+            let paused = with_ids(ids, observer, |observer| observe(measurements, observer, run));
             if self.sharing.end(&started, self.events() - events) {
                 self.engine.use_more_threads(&self.state);
             }
@@ -254,11 +264,18 @@ impl Simulation {
                     }
                 }
                 Pause::Time if limit.ticks == due => {
+                    let before = self.state.population.as_ref().map(|population| population.passages());
                     let changed = self.act(due, observer)?.unwrap_or_else(|| {
                         self.measure(due, observer);
                         Vec::new()
                     });
-                    if self.reschedule_changed(&changed, until, &mut entries) {
+                    if before != self.state.population.as_ref().map(|population| population.passages()) {
+                        self.repopulate()?;
+                        entries = entries.saturating_sub(1 + self.particles() as u64);
+                        if self.is_finished() {
+                            return Ok(self.rest(observer));
+                        }
+                    } else if self.reschedule_changed(&changed, until, &mut entries) {
                         return Ok(self.rest(observer));
                     }
                 }
@@ -300,7 +317,8 @@ impl Simulation {
     }
 
     /// Adds to an error of the engine what the simulation has to say.
-    pub(super) fn complete_error(&mut self, mut error: EngineError) -> EngineError {
+    pub(super) fn complete_error(&mut self, error: EngineError) -> EngineError {
+        let mut error = self.with_ids(error);
         if let EngineError::Overlap { depth, .. } = &error {
             self.state.accumulators.max_overlap = self.state.accumulators.max_overlap.max(*depth);
         }
@@ -406,9 +424,9 @@ impl Simulation {
         self.choice.kernel
     }
 
-    /// Whether there are drives: they can set particles at rest in motion.
+    /// Whether there are drives, or particles still to come in: they can set particles at rest in motion.
     pub(super) fn is_driven(&self) -> bool {
-        !self.system.drives.is_empty()
+        !self.system.drives.is_empty() || self.actions.iter().any(|action| action.brings())
     }
 
     /// Whether nothing moves and nothing will.
@@ -445,6 +463,10 @@ pub(crate) fn actions(system: &System) -> Vec<Box<dyn TimedAction>> {
     let mut actions = drive::actions(system);
     if Thresholds::of(system).is_some() {
         actions.push(Box::new(SettlingScan));
+    }
+    // The last one: the others have the geometry of the particles before.
+    if let Some(flow) = &system.flow {
+        actions.push(Box::new(Passage::new(system, flow)));
     }
     actions
 }

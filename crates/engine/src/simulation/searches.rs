@@ -29,6 +29,14 @@ pub struct SearchSupport {
 /// The processor has no AVX2, and the options ask for it.
 pub fn searches(system: &System, options: Options) -> Result<Vec<SearchSupport>, EngineError> {
     let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
+    let at_start;
+    let system = if system.flow.is_some() {
+        let ids: Vec<u32> = (0..system.bodies_at_start().len() as u32).collect();
+        at_start = system.clone().with_bodies(&ids);
+        &at_start
+    } else {
+        system
+    };
     let world = World::new(system, 0);
     let choice = Choice::new(Options::default(), kernel, system, &world)?;
     let (chosen, case) = (choice.search(), choice.case(system, &world));

@@ -143,6 +143,20 @@ pub(crate) fn particles(system: &System, world: &World, checkpoint: &Checkpoint)
     Ok(())
 }
 
+/// Checks the numbers of entries and exits so far, and of exits up to the last sample, for this number of
+/// particles that are there.
+pub(crate) fn passages(
+    system: &System,
+    count: usize,
+    [entered, left, left_before]: [u64; 3],
+) -> Result<(), EngineError> {
+    let start = system.flow.as_ref().map_or(0, |flow| flow.present) as u64;
+    require(start.checked_add(entered).and_then(|all| all.checked_sub(left)) == Some(count as u64), || {
+        format!("{count} particles are there, of {start} at the start, {entered} entries and {left} exits")
+    })?;
+    require(left_before <= left, || format!("flow.left_before = {left_before} must be at most {left}"))
+}
+
 /// Checks the walls and flags of particle i, which were decoded from `code`.
 pub(crate) fn support(
     world: &World,

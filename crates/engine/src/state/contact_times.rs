@@ -65,6 +65,11 @@ impl ContactTimes {
         }
     }
 
+    /// Replaces the times by those that `replace` makes of them and of that of a particle without contacts.
+    pub fn replace(&mut self, replace: impl FnOnce(&[i64], i64) -> Vec<i64>) {
+        self.0 = replace(&self.0, NEVER).into();
+    }
+
     /// Takes over the times of particles in another world, whose present `from` is the present `to` of this
     /// one, each a clock and ticks. `particles`: the indices there of the first particles here.
     pub fn take_over(

@@ -6,7 +6,10 @@ use glam::DVec3;
 
 use crate::{
     report::sample::BlockCounts,
-    state::{accumulators::Accumulators, settling::SettlingState, stall::Stall, world::World},
+    state::{
+        accumulators::Accumulators, population::Population, settling::SettlingState, stall::Stall,
+        world::World,
+    },
 };
 
 /// The state of a simulation, without the data of its scheduler.
@@ -18,6 +21,8 @@ pub(crate) struct State {
     pub pending: BTreeMap<u32, Pending>,
     pub stall: Stall,
     pub settling: SettlingState,
+    /// Which particles are there, where they come and go.
+    pub population: Option<Box<Population>>,
     /// How threads have taken events; not part of what is saved.
     pub blocks: BlockCounts,
 }

@@ -1,5 +1,7 @@
 //! The particles of the engine: one cache line each, and tables of properties by class.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use haff_neighbors::{Array, with_huge_pages};
 
@@ -27,6 +29,8 @@ pub(crate) struct World {
     pub now: i64,
     pub particles: Array<Particle>,
     pub images: Array<[i32; 3]>,
+    /// Ids of the particles, where they come and go ([`crate::state::population`]).
+    pub ids: Option<Arc<[u32]>>,
     /// Radius, mass and group by class. If grains are put to rest, a second copy of the classes with infinite
     /// mass follows: the classes of asleep particles.
     pub classes: Vec<ClassData>,
@@ -80,6 +84,7 @@ impl World {
             clock: Clock::new(exponent),
             particles: particles.into(),
             images: system.bodies.iter().map(|body| body.image).collect(),
+            ids: None,
             classes,
             class_count,
             movable: 0,
@@ -131,6 +136,7 @@ impl World {
         Self {
             particles: Array::default(),
             images: Array::default(),
+            ids: self.ids.clone(),
             classes: self.classes.clone(),
             boundary: self.boundary.of_block(),
             laws: self.laws.without_particles(),
@@ -169,6 +175,12 @@ impl World {
     pub fn body(&self, i: u32) -> &ClassData {
         let class = self.particles[i as usize].class();
         &self.classes[if class < self.class_count { class } else { class - self.class_count }]
+    }
+
+    /// The index of particle i in the list of all that ever are there.
+    #[inline]
+    pub fn id(&self, i: u32) -> u32 {
+        self.ids.as_ref().map_or(i, |ids| ids[i as usize])
     }
 
     /// The class of particle i in the system, whether it is asleep or not.

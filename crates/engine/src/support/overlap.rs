@@ -252,6 +252,7 @@ mod tests {
             spin: None,
             drives: Vec::new(),
             measure: crate::Measure::default(),
+            flow: None,
             seed: 0,
             dimension: Dimension::Three,
             domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None, compression: None },

@@ -7,6 +7,7 @@ mod common;
 mod compression;
 mod drives;
 mod endless;
+mod flow;
 mod free_times;
 mod hops;
 mod laws;

@@ -39,6 +39,10 @@ enum Kind {
     Change = 9,
     #[hdf5(rename = "slide")]
     Slide = 10,
+    #[hdf5(rename = "enter")]
+    Enter = 11,
+    #[hdf5(rename = "leave")]
+    Leave = 12,
 }
 
 fn column<T: H5Type>(file: &File, path: &str) -> Vec<T> {
@@ -101,7 +105,9 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
     );
     let images: Vec<i32> = expected.iter().flat_map(|f| &f.image).flatten().copied().collect();
     assert!(column::<i32>(&file, "particles/all/image/value") == images, "images differ");
-    for element in ["position", "velocity", "image", "box/edges"] {
+    let present: Vec<u8> = expected.iter().flat_map(|f| &f.present).map(|&there| u8::from(there)).collect();
+    assert!(column::<u8>(&file, "particles/all/present/value") == present, "those that are there differ");
+    for element in ["position", "velocity", "image", "present", "box/edges"] {
         let steps = column::<i64>(&file, &format!("particles/all/{element}/step"));
         assert_eq!(steps, (0..frames as i64).map(|k| 10 * k).collect::<Vec<_>>(), "{element}");
         let times = column::<f64>(&file, &format!("particles/all/{element}/time"));
@@ -122,6 +128,7 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         ("ledger_residual", reals(|s| s.ledger.residual)),
         ("temperature", reals(|s| s.temperature)),
         ("sonine_a2", reals(|s| s.sonine_a2)),
+        ("discharge_rate", reals(|s| s.discharge_rate)),
         ("collision_rate", reals(|s| s.collision_rate)),
         ("mean_free_time", reals(|s| s.mean_free_time)),
     ] {
@@ -171,6 +178,8 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
         EventKind::Settle => Kind::Settle,
         EventKind::Change => Kind::Change,
         EventKind::Slide => Kind::Slide,
+        EventKind::Enter => Kind::Enter,
+        EventKind::Leave => Kind::Leave,
     });
     assert!(column::<Kind>(&file, "events/kind") == kinds.collect::<Vec<_>>(), "kinds differ");
     let ids: Vec<u32> = expected.iter().map(|e| e.j).collect();
@@ -228,14 +237,28 @@ fn recorded_data_are_read_back_bit_by_bit() {
         check(&path, particles, frames, frames, frames * per_frame);
 
         let state = last_state(&path).expect("a last state");
-        let last = frame(frames - 1, particles);
+        let mut last = frame(frames - 1, particles);
+        let (mut radius, mut mass) = (header(particles).radius, header(particles).mass);
+        // Those that are not there are left out.
+        let present = std::mem::take(&mut last.present);
+        keep(&mut last.position, &present);
+        keep(&mut last.velocity, &present);
+        keep(&mut last.image, &present);
+        keep(&mut radius, &present);
+        keep(&mut mass, &present);
         assert_eq!((state.time, state.step), (last.time, last.step));
         assert!(
             state.position == last.position && state.velocity == last.velocity && state.image == last.image
         );
         assert_eq!(state.box_size, header(particles).box_size);
-        assert!(state.radius == header(particles).radius && state.mass == header(particles).mass);
+        assert!(state.radius == radius && state.mass == mass);
     }
+}
+
+/// Removes the values of particles that are not there.
+fn keep<T>(values: &mut Vec<T>, present: &[bool]) {
+    let mut present = present.iter();
+    values.retain(|_| *present.next().expect("one for each"));
 }
 
 #[test]

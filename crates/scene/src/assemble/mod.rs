@@ -29,6 +29,7 @@ mod motion;
 mod names;
 mod particles;
 mod partition;
+mod passage;
 mod placement;
 mod plan;
 mod region;
@@ -225,7 +226,9 @@ impl Assembler<'_> {
         self.run_shape();
         self.output_shape();
         self.measure_shape();
-        self.count_particles(&species, explicit.len());
+        let passages = self.passages(&species, &names);
+        let to_come = passages.as_ref().map_or(0, |passages| passages.count());
+        self.count_particles(&species, explicit.len(), to_come);
         self.gate()?;
 
         // All single values are valid here. Sizes and masses, then the box, then positions.
@@ -246,6 +249,9 @@ impl Assembler<'_> {
         self.displace(&mut walls, &wall_names, &system_domain, &rows);
         self.set_motions(&mut walls, &wall_names, &motions, &rows);
         self.check_partitions(&walls, &system_domain, &rows);
+        if let Some(passages) = &passages {
+            self.check_passages(passages, &system_domain, &walls, &species);
+        }
         self.check_box(&system_domain, &rows, initial.positions.as_ref());
         self.check_compressed_edges(&system_domain, &rows);
         self.check_resolution(&system_domain, &species, &rows, initial.positions.as_ref());
@@ -262,11 +268,13 @@ impl Assembler<'_> {
         flow::add(&system_domain, &species, &mut rows, &initial, state.as_ref());
 
         let spin = spin.map(|plan| self.spin(plan, &species, &rows, state.as_ref()));
+        let present = rows.bodies.len();
+        let (first, bodies, classes) = (rows.species, std::mem::take(&mut rows.bodies), rows.classes.clone());
         let mut system = System {
             dimension: self.dimension,
             domain: system_domain,
-            bodies: rows.bodies,
-            classes: rows.classes,
+            bodies,
+            classes,
             groups: names.all.iter().map(|name| haff_engine::Group { name: name.clone() }).collect(),
             species: names.all.clone(),
             walls,
@@ -275,8 +283,8 @@ impl Assembler<'_> {
             drives,
             seed: self.seed,
             measure: haff_engine::Measure::default(),
+            flow: passages.as_ref().map(|passages| Box::new(passages.of_start(present))),
         };
-        let first = rows.species;
         let joints = self.joints(first, &|row| system.bodies[row].position);
         self.gate()?;
         self.check_joints(&system, &joints);
@@ -298,11 +306,15 @@ impl Assembler<'_> {
         system.measure = self.measure(&system, &run, &output);
         self.check_compressed(&system);
         self.gate()?;
+        let packing_fraction = plan::packing_fraction(&system);
+        if let Some(passages) = &passages {
+            passages.add_waiting((self.seed, self.dimension), &mut system, &species, rows);
+        }
         Ok(Scene {
             title: self.config.title.clone().unwrap_or_default(),
             seed: self.seed,
             state_file: initial.state_file(),
-            packing_fraction: plan::packing_fraction(&system),
+            packing_fraction,
             collision_rate: rate,
             rate_unknown,
             system,

@@ -114,7 +114,8 @@ impl Assembler<'_> {
         for (k, config) in configs.iter().enumerate() {
             let path = |key: &str| item("species", k, key);
             let count = match config.count {
-                Some(count) if count >= 1 => count as usize,
+                // Which species may have none is checked with the inlets.
+                Some(count) if count >= 0 => count as usize,
                 Some(_) => {
                     self.document.refuse(&path("count"), "must be 1 or more");
                     1
@@ -235,7 +236,7 @@ impl Assembler<'_> {
     }
 
     /// Checks that there are particles, and not more than fit into memory.
-    pub(super) fn count_particles(&mut self, species: &[SpeciesPlan], explicit: usize) {
+    pub(super) fn count_particles(&mut self, species: &[SpeciesPlan], explicit: usize, to_come: usize) {
         if species.is_empty() && explicit == 0 {
             let path = at([if self.config.particle.is_some() { "particle" } else { "species" }]);
             self.document.report_missing(&path, "no particles: give [[species]] or [[particle]]");
@@ -249,8 +250,16 @@ impl Assembler<'_> {
                     self.limits.particles
                 );
                 self.document.report(&item("species", k, "count"), text);
-                break;
+                return;
             }
+        }
+        total = total.saturating_add(to_come as u64);
+        if total > self.limits.particles {
+            let text = format!(
+                "too many particles: {total} with those that come in, the memory of this machine holds about {}",
+                self.limits.particles
+            );
+            self.document.report(&at(["inlet"]), text);
         }
     }
 

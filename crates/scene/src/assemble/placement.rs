@@ -243,6 +243,10 @@ impl Assembler<'_> {
         initial: &Initial,
     ) {
         let count = rows.species;
+        if count == 0 {
+            // All come in by inlets.
+            return;
+        }
         if let Some(PositionsConfig::Grown(grown)) = &initial.positions {
             self.grow_species(domain, walls, rows, grown.packing.unwrap_or_default());
             return;

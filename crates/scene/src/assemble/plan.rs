@@ -143,7 +143,7 @@ impl Assembler<'_> {
             }
             collisions = Some(total as u64);
         }
-        if n == 1 && collisions.is_some() && run.until.is_none() {
+        if n == 1 && system.flow.is_none() && collisions.is_some() && run.until.is_none() {
             let key = if run.collisions.is_some() { "collisions" } else { "collisions_per_particle" };
             self.document.report(&at(["run", key]), "one particle alone never collides: give run.until");
         }
@@ -283,7 +283,8 @@ pub(super) fn packing_fraction_at(system: &System, time: f64) -> f64 {
     }
     let radius = |class: u32| system.classes[class as usize].radius;
     let filled: f64 = system.bodies.iter().map(|body| system.dimension.volume(radius(body.class))).sum();
-    filled / system.domain.volume(system.dimension, time)
+    // The sum of nothing is −0.
+    (0.0 + filled) / system.domain.volume(system.dimension, time)
 }
 
 /// Share of the particles that a scene may place one by one in a homogeneous gas.
@@ -302,6 +303,7 @@ pub(super) fn rate_unknown(
     let is_fixed = |body: &Body| system.classes[body.class as usize].mass.is_infinite();
     let reasons = [
         (system.domain.boundary[..d].contains(&Boundary::Open), "an axis is open"),
+        (system.flow.is_some(), "particles come and go"),
         (system.bodies.len() < 2, "a single particle"),
         (system.bodies.iter().any(is_fixed), "the arrangement of bodies of infinite mass decides it"),
         (!joints.is_empty(), "bodies are joined"),

@@ -1,6 +1,6 @@
 //! Where the particles of a species are at the start.
 
-use haff_engine::{Dimension, bounds};
+use haff_engine::{Cuboid, Dimension, bounds};
 use haff_surfaces::{Revolution, Side, Sphere};
 
 use super::Assembler;
@@ -18,22 +18,35 @@ impl Assembler<'_> {
             return None;
         }
         match (&config.cuboid, &config.sphere, &config.cylinder) {
-            (Some(corners), ..) => self.cuboid(k, corners),
+            (Some(corners), ..) => {
+                let Cuboid { low, high } = self.cuboid(("species", k), "region.box", Some(corners))?;
+                Some(Region::Cuboid { low, high })
+            }
             (_, Some(sphere), _) => self.ball(k, sphere),
             (.., Some(cylinder)) => self.barrel(k, cylinder),
             _ => None,
         }
     }
 
-    fn cuboid(&mut self, k: usize, corners: &[Vec<f64>]) -> Option<Region> {
-        let path = item("species", k, "region.box");
-        let [low, high] = corners else {
+    /// A box with edges along the axes, by its corners under a key of an entry of a list.
+    pub(super) fn cuboid(
+        &mut self,
+        (list, k): (&str, usize),
+        key: &str,
+        corners: Option<&Vec<Vec<f64>>>,
+    ) -> Option<Cuboid> {
+        let path = item(list, k, key);
+        let Some(corners) = corners else {
+            self.document.report_missing(&path, "missing: a lower and an upper corner");
+            return None;
+        };
+        let [low, high] = corners.as_slice() else {
             self.document.refuse(&path, "must have a lower and an upper corner: [[0, 0, 0], [5, 10, 10]]");
             return None;
         };
         let errors = self.document.count();
-        let mut low = self.vector(&item("species", k, "region.box.0"), low);
-        let mut high = self.vector(&item("species", k, "region.box.1"), high);
+        let mut low = self.vector(&item(list, k, &format!("{key}.0")), low);
+        let mut high = self.vector(&item(list, k, &format!("{key}.1")), high);
         let axes = self.dimension.count();
         if let Some(axis) = (0..axes).find(|&axis| low[axis] >= high[axis]) {
             let why =
@@ -43,7 +56,7 @@ impl Assembler<'_> {
         if self.dimension == Dimension::Two {
             (low.z, high.z) = (-bounds::LARGEST, bounds::LARGEST);
         }
-        (self.document.count() == errors).then_some(Region::Cuboid { low, high })
+        (self.document.count() == errors).then_some(Cuboid { low, high })
     }
 
     fn ball(&mut self, k: usize, config: &BallConfig) -> Option<Region> {

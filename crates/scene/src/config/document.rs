@@ -12,7 +12,10 @@ use toml::de::{DeTable, DeValue};
 use crate::config::joints::{PendulumConfig, RodConfig, SpringConfig};
 use crate::config::misplaced::meant;
 use crate::config::names::NamedElements;
-use crate::config::{DriveConfig, PairConfig, ParticleConfig, SceneConfig, SpeciesConfig, WallConfig};
+use crate::config::{
+    DriveConfig, InletConfig, OutletConfig, PairConfig, ParticleConfig, SceneConfig, SpeciesConfig,
+    WallConfig,
+};
 use crate::source::error::{Code, Place, SceneError, SceneErrors, Why};
 use crate::source::read::{Reading, Unknown, read};
 pub(crate) use crate::source::tree::Path;
@@ -24,7 +27,7 @@ const MAX_DEPTH: usize = 16;
 
 /// Arrays of any length, whose elements are read one by one, so that the others are not read again after an
 /// invalid one.
-const LISTS: [&[&str]; 8] = [
+const LISTS: [&[&str]; 10] = [
     &["species"],
     &["particle"],
     &["wall"],
@@ -33,6 +36,8 @@ const LISTS: [&[&str]; 8] = [
     &["rod"],
     &["contact", "pair"],
     &["drive"],
+    &["inlet"],
+    &["outlet"],
 ];
 
 /// Values with their sources, and the errors found so far.
@@ -217,6 +222,8 @@ impl Document {
         config.spring = self.list::<SpringConfig>(LISTS[4]).or(config.spring);
         config.rod = self.list::<RodConfig>(LISTS[5]).or(config.rod);
         config.drive = self.list::<DriveConfig>(LISTS[7]).or(config.drive);
+        config.inlet = self.list::<InletConfig>(LISTS[8]).or(config.inlet);
+        config.outlet = self.list::<OutletConfig>(LISTS[9]).or(config.outlet);
         if let Some(pairs) = self.list::<PairConfig>(LISTS[6]) {
             config.contact.get_or_insert_default().pair = Some(pairs);
         }

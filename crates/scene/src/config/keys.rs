@@ -6,6 +6,7 @@
 
 mod contact;
 mod deforming;
+mod flow;
 mod measure;
 mod output;
 mod particles;
@@ -24,6 +25,7 @@ use crate::config::{
 
 pub use contact::*;
 pub use deforming::*;
+pub use flow::*;
 pub use measure::*;
 pub use output::*;
 pub use particles::*;
@@ -66,6 +68,10 @@ pub struct SceneConfig {
     pub wall: Option<Vec<WallConfig>>,
     /// What gives energy to the particles, or takes it, at stated times.
     pub drive: Option<Vec<DriveConfig>>,
+    /// Where particles come in while the run goes on.
+    pub inlet: Option<Vec<InletConfig>>,
+    /// Where they are taken out.
+    pub outlet: Option<Vec<OutletConfig>>,
     /// Growth of all particles, to dense packings.
     pub growth: Option<GrowthConfig>,
     /// Measurements while the run goes on.

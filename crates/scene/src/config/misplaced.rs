@@ -45,6 +45,8 @@ pub(crate) struct Key {
     /// How many of the first names of `table` make an array of tables; 0 for none.
     array: usize,
     name: String,
+    /// Whether its table needs it.
+    is_required: bool,
 }
 
 /// A key that an unknown one may stand for.
@@ -103,7 +105,7 @@ pub(crate) fn meant(path: &[String], key: &str, known: &[&str]) -> Vec<Meant> {
     let synonym = SYNONYMS.iter().find(|(name, _)| *name == key).map(|(_, meant)| *meant);
     let own: Vec<String> = path.iter().filter(|part| part.parse::<usize>().is_err()).cloned().collect();
     if let Some(meant) = synonym.filter(|meant| known.contains(meant)) {
-        return vec![Meant::Beside(Key { table: own, array: 0, name: meant.to_owned() })];
+        return vec![Meant::Beside(Key { table: own, array: 0, name: meant.to_owned(), is_required: false })];
     }
     let mut found: Vec<&Key> = Vec::new();
     for name in [synonym, Some(&*key)].into_iter().flatten() {
@@ -117,7 +119,9 @@ pub(crate) fn meant(path: &[String], key: &str, known: &[&str]) -> Vec<Meant> {
         let near = nearest(written, known.iter().copied());
         return near.map(|name| Meant::Near(name.to_owned())).into_iter().collect();
     };
-    let first = found.into_iter().filter(|key| depth(key) == least).take(NAMED);
+    found.retain(|key| depth(key) == least);
+    found.sort_by_key(|key| !key.is_required);
+    let first = found.into_iter().take(NAMED);
     first.map(|key| Meant::Elsewhere(key.clone())).collect()
 }
 
@@ -135,7 +139,9 @@ fn keys() -> &'static [Key] {
 /// Adds the keys of a table and of the tables in it.
 fn collect(schema: &Value, node: &Value, table: &mut Vec<String>, array: usize, keys: &mut Vec<Key>) {
     for (key, value) in node["properties"].as_object().into_iter().flatten() {
-        keys.push(Key { table: table.clone(), array, name: key.clone() });
+        let is_required =
+            node["required"].as_array().is_some_and(|names| names.iter().any(|name| name == key.as_str()));
+        keys.push(Key { table: table.clone(), array, name: key.clone(), is_required });
         if table.len() < DEPTH {
             table.push(key.clone());
             descend(schema, value, table, array, keys);

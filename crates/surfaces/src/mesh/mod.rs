@@ -1,15 +1,17 @@
 //! Triangle meshes.
 
+mod clearance;
 mod topology;
 mod tree;
 mod triangle;
 
 use glam::DVec3;
-use haff_mechanics::{RelativeFlight, Surface, first_contact_bounded};
+use haff_mechanics::{RelativeFlight, Surface};
 
 pub use triangle::Triangle;
 
-use crate::part::{Part, SHORTER, Side, contact_normal, gradient, time_for};
+use crate::part::{Part, SHORTER, Side, contact_normal, first_in_step, gradient, time_for};
+use clearance::Clearance;
 use tree::{Bounds, Tree};
 
 /// A triangle mesh, with particles inside, outside or on both sides.
@@ -17,6 +19,8 @@ use tree::{Bounds, Tree};
 pub struct Mesh {
     triangles: Vec<Triangle>,
     tree: Tree,
+    /// None for a mesh in a plane.
+    clearance: Option<Clearance>,
     side: Side,
     is_closed: bool,
     center: DVec3,
@@ -101,7 +105,13 @@ impl Mesh {
         let Bounds { low, high } = tree.bounds();
         let center = 0.5 * (low + high);
         let extent = 0.5 * (high - low).length();
-        Ok(Self { triangles, tree, side, is_closed: open_edge.is_none(), center, extent })
+        let mut mesh =
+            Self { triangles, tree, clearance: None, side, is_closed: open_edge.is_none(), center, extent };
+        if (high - low).min_element() > 0.0 {
+            let distance = |position| mesh.offset(position).length();
+            mesh.clearance = Some(Clearance::new([low, high], mesh.triangles.len(), distance));
+        }
+        Ok(mesh)
     }
 
     /// Its triangles.
@@ -173,7 +183,9 @@ impl Mesh {
             );
             crossings % 2 == 1
         };
-        RAYS.into_iter().filter(|&ray| is_odd(ray)).count() >= 2
+        let [first, second, third] = RAYS;
+        let inside = is_odd(first);
+        if is_odd(second) == inside { inside } else { is_odd(third) }
     }
 
     /// Offers the triangles in whose reach a flight comes between two times, `offer` returns the time after
@@ -298,7 +310,9 @@ impl Surface for Mesh {
     }
 
     fn is_near(&self, position: DVec3, reach: f64) -> bool {
-        self.offset_within(position, reach.max(0.0)).is_some()
+        let clearance = self.clearance.as_ref().and_then(|clearance| clearance.at(position));
+        clearance.is_none_or(|clearance| clearance <= reach)
+            && self.offset_within(position, reach.max(0.0)).is_some()
     }
 
     fn contact_normal(&self, position: DVec3, velocity: DVec3, reach: f64) -> DVec3 {
@@ -344,12 +358,7 @@ impl Surface for Mesh {
             let stop = step.min(within - time);
             let mut first = f64::INFINITY;
             self.sweep(flight, radius, [time, time + stop], |triangle| {
-                let gap = |t: f64| {
-                    let (distance, rate) =
-                        triangle.approach(flight.at(time + t), flight.velocity_at(time + t));
-                    (distance - radius, rate)
-                };
-                let found = first_contact_bounded(gap, strength, radius, step, stop.min(first));
+                let found = first_in_step(triangle, flight, radius, time, [step, stop.min(first)]);
                 first = first.min(found.unwrap_or(f64::INFINITY));
                 time + first
             });

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::part::Part;
+use crate::part::{Bend, Moment, Part};
 
 /// A triangle with its unit normal by the right-hand rule.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +68,31 @@ impl Part for Triangle {
             return across(bp, c - b);
         }
         self.normal * self.normal.dot(ap)
+    }
+
+    /// The distance from a convex part; over its face that from a plane, which an acceleration along the face
+    /// does not change.
+    fn bend(&self, moment: &Moment) -> Bend {
+        let mut bend = Bend { time: f64::INFINITY, bound: moment.strength() };
+        if bend.bound == 0.0 {
+            return bend;
+        }
+        let [a, b, c] = self.corners;
+        let mut time = f64::INFINITY;
+        for (from, to, opposite) in [(a, b, c), (b, c, a), (c, a, b)] {
+            let inward = self.normal.cross(to - from).normalize();
+            let (room, height) = ((moment.position - from).dot(inward), (opposite - from).dot(inward));
+            let Some(within) = moment.time_within(room, height, inward) else { return bend };
+            time = time.min(within);
+        }
+        // Rounding of the normal.
+        bend.bound = moment.strength_along(self.normal) + 16.0 * f64::EPSILON * bend.bound;
+        bend.time = time;
+        bend
+    }
+
+    fn is_convex(&self, _moment: &Moment) -> bool {
+        true
     }
 }
 

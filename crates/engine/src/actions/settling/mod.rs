@@ -32,4 +32,4 @@ any load, as if there were friction, until an impact wakes it.
 
 mod jam;
 pub(crate) mod scan;
-mod settle;
+pub(crate) mod settle;

@@ -6,7 +6,7 @@ use crate::{
     actions::timed::TimedAction,
     model::thresholds::Thresholds,
     numerics::{clock::whole, error::EngineError},
-    report::Observer,
+    report::{Observer, with_ids},
     state::{State, world::World},
     support::contacts::{find_contacts, is_fixed, is_supported},
 };
@@ -35,6 +35,15 @@ impl TimedAction for SettlingScan {
 /// are jammed, resolves the jam first, and always scans. Returns the particles that have changed, in
 /// ascending order.
 pub(crate) fn scan(
+    state: &mut State,
+    geometry: &Geometry,
+    is_jammed: bool,
+    observer: &mut dyn Observer,
+) -> Vec<u32> {
+    with_ids(state.world.ids.clone(), observer, |observer| scan_all(state, geometry, is_jammed, observer))
+}
+
+fn scan_all(
     state: &mut State,
     geometry: &Geometry,
     is_jammed: bool,

@@ -121,6 +121,7 @@ impl<E> Part<E> {
             ownership,
             front: Front::default(),
             state: State {
+                population: None,
                 world: world.without_particles(),
                 accumulators: Accumulators::default(),
                 pending: BTreeMap::new(),

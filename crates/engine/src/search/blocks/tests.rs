@@ -75,6 +75,7 @@ fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: 
         spin: None,
         drives: Vec::new(),
         measure: crate::Measure { stress: true, ..crate::Measure::default() },
+        flow: None,
         seed: 1,
     }
 }

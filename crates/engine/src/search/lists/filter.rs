@@ -289,6 +289,7 @@ mod tests {
             spin: None,
             drives: Vec::new(),
             measure: crate::Measure::default(),
+            flow: None,
             seed: 0,
             dimension: crate::model::Dimension::Three,
             domain: crate::model::Domain {

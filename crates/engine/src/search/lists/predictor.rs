@@ -16,7 +16,7 @@ use crate::{
         compact::CompactParticle,
         earliest::Earliest,
         entry::Target,
-        planes::{LATER, Planes},
+        planes::{self, Planes},
         predict::{predict_nearest, predict_support, predict_walls},
         search_event::SearchEvent,
     },
@@ -217,7 +217,7 @@ impl<F: Features> ListPredictor<F> {
             }
         }
         if own && self.lists.has_walls() && self.lists.is_near_wall(i) {
-            predict_walls::<F>(world, i, &self.walls, earliest);
+            predict_walls::<F>(world, i, &self.walls, earliest.entry.time, earliest);
         }
         if own {
             self.predict_exit_of_fixed(world, i, earliest);
@@ -405,7 +405,7 @@ impl<F: Features> ListPredictor<F> {
         }
         let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
         let duration = earliest.entry.time.saturating_sub(particle.time) as f64 * world.clock.tick;
-        let within = LATER * duration + world.clock.tick;
+        let within = planes::searched(duration, world.clock.tick);
         self.planes.for_each_in_reach(world, particle, class.radius, acceleration, duration, |wall| {
             if let Some(delay) = world.wall_contact(particle, class.radius, acceleration, wall, within) {
                 earliest.offer_after(particle.time, delay, SearchEvent::Wall(wall), 0);

@@ -13,7 +13,7 @@ use crate::{
         batch::Kernel,
         compact::CompactParticle,
         entry::Target,
-        planes::{LATER, Planes},
+        planes::{self, Planes},
         sharing,
     },
     state::{particle::Particle, world::World},
@@ -290,7 +290,7 @@ impl<F: Features> Space<F> {
         let acceleration = if F::GRAVITY { world.gravity } else { DVec3::ZERO };
         let duration = (self.end - anchor.time) as f64 * world.clock.tick;
         let (planes, radius) = (&self.planes, class.radius);
-        let within = LATER * duration + world.clock.tick;
+        let within = planes::searched(duration, world.clock.tick);
         planes.for_each_in_reach(world, anchor, radius, acceleration, duration, |wall| {
             let contact = narrow_phase::wall_contact::<F>(world, anchor, radius, wall, within);
             if let Some(time) = contact

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Compression, Dimension, Drive, DriveKind, KickTimes, NeighborChoice, Options, Oscillating,
-    Rotation, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw, WallMotion, searches,
+    Boundary, Compression, Cuboid, Dimension, Drive, DriveKind, Flow, Inlet, KickTimes, NeighborChoice,
+    Options, Oscillating, Outlet, Rotation, Shape, Shear, Spin, Supply, System, ThermalWall, Wall, WallLaw,
+    WallMotion, searches,
 };
 use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Waveform};
 use haff_surfaces::{Revolution, Side};
@@ -29,6 +30,28 @@ fn pin(scene: &mut System, motion: WallMotion) {
     let shape = Some(Shape::Named(NamedSurface::of("pin", &numbers, Box::new(surface))));
     scene.walls.push(Wall { name: "pin".into(), point: DVec3::ZERO, normal: DVec3::ZERO, motion, shape });
     scene.contacts.wall.push(Restitution::Constant(0.9).into());
+}
+
+/// Adds a place where particles are taken out; all of the scene are there at the start, if none is said.
+pub fn outlet(scene: &mut System, [low, high]: [[f64; 3]; 2]) {
+    let present = scene.bodies.len();
+    let flow = scene.flow.get_or_insert_with(|| Box::new(Flow { present, ..Flow::default() }));
+    let place = Cuboid { low: low.into(), high: high.into() };
+    flow.outlets.push(Outlet { place, interval: None });
+}
+
+/// A scene in which particles are taken out in one part, and come in again in another.
+fn circuit(mut scene: System) -> System {
+    outlet(&mut scene, [[0.0, 0.0, 0.0], [12.0, 12.0, 1.5]]);
+    if let Some(flow) = &mut scene.flow {
+        flow.inlets.push(Inlet {
+            place: Cuboid { low: DVec3::new(1.0, 1.0, 9.0), high: DVec3::splat(11.0) },
+            velocity: DVec3::new(0.0, 0.0, -0.5),
+            temperature: 0.5,
+            supply: Supply::Refill { species: vec![0], count: u64::MAX },
+        });
+    }
+    scene
 }
 
 const PERIODIC: [Boundary; 3] = [Boundary::Periodic; 3];
@@ -163,6 +186,11 @@ pub fn features() -> Vec<(&'static str, System)> {
             with(falling(&[0.5], 0.5), |scene| {
                 scene.contacts.rest_speed = 0.05;
             }),
+        ),
+        ("inlets and outlets", circuit(box_of(FLOOR, &[0.5], 0.9))),
+        (
+            "inlets and outlets, contact.rest_speed",
+            circuit(with(falling(&[0.5, 0.3], 0.5), |scene| scene.contacts.rest_speed = 0.05)),
         ),
         ("open axis", box_of([Boundary::Open, Boundary::Periodic, Boundary::Wall], &[0.5], 0.9)),
         ("edge of two diameters", lone(2.0)),

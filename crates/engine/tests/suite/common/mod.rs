@@ -45,6 +45,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
         spin: None,
         drives: Vec::new(),
         measure: haff_engine::Measure::default(),
+        flow: None,
         seed: 0,
         dimension,
         domain: Domain { size, boundary, gravity: DVec3::ZERO, shear: None, compression: None },

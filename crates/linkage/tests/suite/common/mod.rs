@@ -74,6 +74,7 @@ impl Scene {
             spin: None,
             drives: Vec::new(),
             measure: haff_engine::Measure::default(),
+            flow: None,
             seed: 0,
             dimension: Dimension::Three,
             domain: Domain {

@@ -102,6 +102,7 @@ pub fn frame(k: u64, particles: usize) -> Frame {
         image: (0..particles as i32).map(|i| [i % 3 - 1, k as i32, -i]).collect(),
         angular_velocity: all(5),
         edges: [DVec3::X, DVec3::Y * 2.0, DVec3::Z * 3.0],
+        present: (0..particles as u64).map(|i| (i + k) % 5 != 4).collect(),
     }
 }
 
@@ -139,6 +140,10 @@ pub fn sample(k: u64) -> Sample {
         wall_collisions: k,
         collision_rate: x(13),
         mean_free_time: x(14),
+        particles: k + 2,
+        particles_in: k + 3,
+        particles_out: k + 5,
+        discharge_rate: x(32),
     }
 }
 

@@ -12,9 +12,9 @@ use crate::config::whole::whole;
 pub struct SpeciesConfig {
     /// Name, used by `contact.pair` and in output files.
     pub name: Option<String>,
-    /// Number of particles.
+    /// Number of particles at the start; 0 only for a species that an inlet lets in.
     #[serde(deserialize_with = "whole")]
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 0))]
     pub count: Option<i64>,
     /// Radius [length]: a number or a distribution. At least 2⁻⁴² of the largest coordinate: below that,
     /// rounding would decide which particles touch.

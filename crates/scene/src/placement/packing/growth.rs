@@ -234,6 +234,7 @@ impl Growth<'_> {
             drives: vec![Drive { kind, species: vec![0] }],
             seed,
             measure: Measure::default(),
+            flow: None,
         }
     }
 }

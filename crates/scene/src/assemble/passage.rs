@@ -1,0 +1,265 @@
+//! Inlets and outlets.
+
+use glam::DVec3;
+use haff_engine::{Body, Boundary, Dimension, Domain, Flow, Inlet, Outlet, Supply, System, Wall, bounds};
+
+use super::{
+    Assembler,
+    names::{Names, among},
+    particles::{MassLaw, Rows, SpeciesPlan},
+    values::{at, item, not_negative, positive},
+};
+use crate::{
+    config::{InletConfig, OutletConfig},
+    placement::random::{Purpose, Stream},
+};
+
+/// Particles that come in at a rate.
+pub(super) struct Supplied {
+    /// Index of the inlet, and of its species.
+    inlet: usize,
+    species: usize,
+    count: usize,
+}
+
+/// Inlets and outlets, and the particles that inlets with a rate will let in.
+pub(super) struct Passages {
+    flow: Flow,
+    supplied: Vec<Supplied>,
+}
+
+impl Assembler<'_> {
+    /// The inlets and outlets of the scene; `None` if it has none.
+    pub(super) fn passages(&mut self, species: &[SpeciesPlan], names: &Names) -> Option<Passages> {
+        let inlets = self.config.inlet.clone().unwrap_or_default();
+        let outlets = self.config.outlet.clone().unwrap_or_default();
+        self.check_empty_species(&inlets);
+        if inlets.is_empty() && outlets.is_empty() {
+            return None;
+        }
+        self.refuse_beside_passages(if inlets.is_empty() { "outlet" } else { "inlet" });
+        let mut passages = Passages { flow: Flow::default(), supplied: Vec::new() };
+        for (k, config) in inlets.iter().enumerate() {
+            if let Some(inlet) = self.inlet(k, config, species, names, outlets.is_empty(), &mut passages) {
+                passages.flow.inlets.push(inlet);
+            }
+        }
+        for (k, config) in outlets.iter().enumerate() {
+            if let Some(outlet) = self.outlet(k, config) {
+                passages.flow.outlets.push(outlet);
+            }
+        }
+        Some(passages)
+    }
+
+    /// Only a species that comes in by an inlet can have no particles at the start.
+    fn check_empty_species(&mut self, inlets: &[InletConfig]) {
+        for (k, species) in self.config.species.clone().iter().flatten().enumerate() {
+            let comes_in = |inlet: &InletConfig| inlet.rate.is_some() && inlet.species == species.name;
+            if species.count == Some(0) && !inlets.iter().any(comes_in) {
+                let why =
+                    "must be 1 or more: only a species that an [[inlet]] with a rate lets in can have 0";
+                self.document.refuse(&item("species", k, "count"), why);
+            }
+        }
+    }
+
+    /// What does not work where particles come and go.
+    fn refuse_beside_passages(&mut self, list: &str) {
+        let domain = self.config.domain.clone().unwrap_or_default();
+        let measure = self.config.measure.clone().unwrap_or_default();
+        let is_on = |given: Option<bool>| given == Some(true);
+        let others = [
+            (domain.shear.is_some(), "domain.shear"),
+            (domain.compression.is_some(), "domain.compression"),
+            (self.config.growth.is_some(), "growth"),
+            (self.config.drive.as_ref().is_some_and(|drives| !drives.is_empty()), "a drive"),
+            (self.has_joints(), "pendulums, springs, rods or sticking contacts"),
+            (is_on(measure.msd), "measure.msd, which follows all particles from the start"),
+            (is_on(measure.vacf), "measure.vacf, which follows all particles from the start"),
+        ];
+        for (_, what) in others.into_iter().filter(|(given, _)| *given) {
+            self.document.report(&at([list]), format!("does not work with {what}"));
+        }
+    }
+
+    fn inlet(
+        &mut self,
+        k: usize,
+        config: &InletConfig,
+        species: &[SpeciesPlan],
+        names: &Names,
+        is_closed: bool,
+        passages: &mut Passages,
+    ) -> Option<Inlet> {
+        let path = |key: &str| item("inlet", k, key);
+        let errors = self.document.count();
+        let place = self.cuboid(("inlet", k), "box", config.cuboid.as_ref());
+        let velocity =
+            config.velocity.as_ref().map_or(DVec3::ZERO, |given| self.vector(&path("velocity"), given));
+        let temperature = config.temperature.unwrap_or(0.0);
+        not_negative(&mut self.document, &path("temperature"), temperature);
+        let known = || names.all.iter().map(String::as_str);
+        let given = match &config.species {
+            None => None,
+            Some(name) => {
+                let index = names.all.iter().position(|known| known == name);
+                if index.is_none() {
+                    let why = format!("no species is named {}", among(name, known));
+                    self.document.report(&path("species"), why);
+                }
+                index
+            }
+        };
+        if config.count.is_some_and(|count| count < 1) {
+            self.document.refuse(&path("count"), "must be 1 or more");
+        }
+        let supply = match (config.rate, config.refill.unwrap_or(false)) {
+            (Some(_), true) => {
+                let why = "either rate (new particles) or refill = true (those that have left), not both";
+                self.document.report(&path("refill"), why);
+                return None;
+            }
+            (None, false) => {
+                let why = "missing: give rate (new particles) or refill = true (those that have left)";
+                self.document.report_missing(&path("rate"), why);
+                return None;
+            }
+            (None, true) => {
+                if is_closed {
+                    let why = "there is no [[outlet]] that takes particles out";
+                    self.document.report(&path("refill"), why);
+                }
+                let species = given.map_or_else(|| (0..names.all.len() as u32).collect(), |k| vec![k as u32]);
+                Supply::Refill { species, count: config.count.map_or(u64::MAX, |count| count as u64) }
+            }
+            (Some(rate), false) => {
+                positive(&mut self.document, &path("rate"), rate);
+                if config.species.is_none() {
+                    let why = "missing: which species comes in";
+                    self.document.report_missing(&path("species"), why);
+                }
+                if config.count.is_none() {
+                    let why = "missing: how many particles come in at most; files have a place for each";
+                    self.document.report_missing(&path("count"), why);
+                }
+                let (index, count) = (given?, config.count.filter(|&count| count >= 1)? as usize);
+                let Some(plan) = species.get(index) else {
+                    let why = "must be one of [[species]]: particles placed by hand have no law of sizes";
+                    self.document.report(&path("species"), why);
+                    return None;
+                };
+                if plan.mass == MassLaw::Mass(f64::INFINITY) {
+                    self.document.report(&path("species"), "has infinite mass: such bodies cannot come in");
+                }
+                let first = passages.supplied.iter().map(|supplied| supplied.count).sum::<usize>() as u32;
+                passages.supplied.push(Supplied { inlet: k, species: index, count });
+                Supply::Rate { rate, first, count: count as u32 }
+            }
+        };
+        let place = place?;
+        (self.document.count() == errors).then_some(Inlet { place, velocity, temperature, supply })
+    }
+
+    fn outlet(&mut self, k: usize, config: &OutletConfig) -> Option<Outlet> {
+        if let Some(interval) = config.interval {
+            positive(&mut self.document, &item("outlet", k, "interval"), interval);
+        }
+        let place = self.cuboid(("outlet", k), "box", config.cuboid.as_ref())?;
+        Some(Outlet { place, interval: config.interval })
+    }
+
+    /// Checks where inlets are, and the sizes of what comes in.
+    pub(super) fn check_passages(
+        &mut self,
+        passages: &Passages,
+        domain: &Domain,
+        walls: &[Wall],
+        species: &[SpeciesPlan],
+    ) {
+        for (k, inlet) in passages.flow.inlets.iter().enumerate() {
+            for axis in 0..self.dimension.count() {
+                let (low, high) = (inlet.place.low[axis], inlet.place.high[axis]);
+                if domain.boundary[axis] != Boundary::Open && (low < 0.0 || high > domain.size[axis]) {
+                    let name = ["x", "y", "z"][axis];
+                    let why = format!("must be within the box along {name}, from 0 to {}", domain.size[axis]);
+                    self.document.refuse(&item("inlet", k, "box"), why);
+                }
+            }
+        }
+        for supplied in &passages.supplied {
+            let [least, largest] = species[supplied.species].radius.range();
+            let place = &passages.flow.inlets[supplied.inlet].place;
+            let extent = place.low.abs().max(place.high.abs());
+            let extent = (0..self.dimension.count()).map(|axis| extent[axis].max(domain.size[axis]));
+            let path = item("inlet", supplied.inlet, "species");
+            if let Err(why) = bounds::resolved(least, extent.fold(0.0, f64::max)) {
+                self.document.report(&path, format!("has radii of {least}, which {why}"));
+            }
+            let axes = 0..self.dimension.count();
+            if let Some(axis) = axes.into_iter().find(|&axis| {
+                domain.boundary[axis] == Boundary::Periodic && domain.size[axis] < 2.0 * largest
+            }) {
+                let name = ["x", "y", "z"][axis];
+                let why =
+                    format!("has radii of {largest}: a particle would touch its own image along {name}");
+                self.document.report(&path, why);
+            }
+            let holes = walls.iter().filter_map(|wall| wall.shape.as_ref()?.hole());
+            if holes.into_iter().any(|hole| hole.radius < largest * bounds::LEAST_HOLE) {
+                self.document
+                    .report(&path, format!("has radii of {largest}, larger than a hole of the walls"));
+            }
+        }
+    }
+}
+
+impl Passages {
+    /// Number of particles that inlets with a rate let in.
+    pub(super) fn count(&self) -> usize {
+        self.supplied.iter().map(|supplied| supplied.count).sum()
+    }
+
+    /// Inlets and outlets for the particles of the start.
+    pub(super) fn of_start(&self, present: usize) -> Flow {
+        let mut flow = self.flow.clone();
+        flow.present = present;
+        for inlet in &mut flow.inlets {
+            if let Supply::Rate { first, .. } = &mut inlet.supply {
+                *first += present as u32;
+            }
+        }
+        flow
+    }
+
+    /// Adds the particles that will come in to those of the start.
+    pub(super) fn add_waiting(
+        &self,
+        (seed, dimension): (u64, Dimension),
+        system: &mut System,
+        species: &[SpeciesPlan],
+        mut rows: Rows,
+    ) {
+        let mut drawn: Vec<usize> = species.iter().map(|plan| plan.count).collect();
+        for supplied in &self.supplied {
+            let plan = &species[supplied.species];
+            let next = &mut drawn[supplied.species];
+            for i in *next..*next + supplied.count {
+                let mut random = Stream::new(seed, Purpose::Radius, &plan.name, i);
+                let radius = plan.radius.draw(i, &mut random);
+                let group = supplied.species as u32;
+                let class = rows.class(radius, plan.mass.of(radius, dimension), group);
+                // Where it comes in is drawn when it does.
+                let place = self.flow.inlets[supplied.inlet].place;
+                let position = place.at(|axis| (axis < dimension.count()).then_some(0.5));
+                let velocity = DVec3::ZERO;
+                system.bodies.push(Body { position, velocity, image: [0; 3], class, species: group });
+            }
+            *next += supplied.count;
+        }
+        system.classes = rows.classes;
+        if let Some(spin) = &mut system.spin {
+            spin.angular_velocity.resize(system.bodies.len(), DVec3::ZERO);
+        }
+    }
+}
