@@ -227,7 +227,7 @@ impl Assembler<'_> {
         self.output_shape();
         self.measure_shape();
         let passages = self.passages(&species, &names);
-        let to_come = passages.as_ref().map_or(0, |passages| passages.count());
+        let to_come = if let Some(passages) = &passages { passages.count() } else { 0 };
         self.count_particles(&species, explicit.len(), to_come);
         self.gate()?;
 
