@@ -48,15 +48,15 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
         },
     );
     match &state.population {
-        Some(population) => spread(&frame, population),
+        Some(population) => spread(&frame, population, world.spin.is_some()),
         None => frame,
     }
 }
 
 /// A frame of all particles of the list, from that of those that are there.
-fn spread(frame: &Frame, population: &Population) -> Frame {
+fn spread(frame: &Frame, population: &Population, has_spins: bool) -> Frame {
     let all = population.all();
-    let spins = if frame.angular_velocity.len() == population.ids.len() { all } else { 0 };
+    let spins = if has_spins { all } else { 0 };
     Frame {
         time: frame.time,
         step: frame.step,

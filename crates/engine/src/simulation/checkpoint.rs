@@ -199,7 +199,7 @@ impl Simulation {
             measured: self.save_measurements(),
         };
         match population {
-            Some(population) => spread(checkpoint, population),
+            Some(population) => spread(checkpoint, population, world.spin.is_some()),
             None => checkpoint,
         }
     }
@@ -426,9 +426,9 @@ impl Simulation {
 const ABSENT: i64 = i64::MIN;
 
 /// The checkpoint of the particles that are there as one of all.
-fn spread(checkpoint: Checkpoint, population: &Population) -> Checkpoint {
+fn spread(checkpoint: Checkpoint, population: &Population, has_spins: bool) -> Checkpoint {
     let all = population.all();
-    let spins = if checkpoint.angular_velocity.len() == population.ids.len() { all } else { 0 };
+    let spins = if has_spins { all } else { 0 };
     Checkpoint {
         position: population.spread(&checkpoint.position, vec![DVec3::ZERO; all]),
         velocity: population.spread(&checkpoint.velocity, vec![DVec3::ZERO; all]),

@@ -111,6 +111,18 @@ impl Choice {
         Ok(choice)
     }
 
+    /// [`Self::new`] for particles that come and go. Where the search that is asked for cannot run those that
+    /// are there now, another one does, such as for lists a particle that is too large for them.
+    pub fn of_passing(
+        options: Options,
+        kernel: Kernel,
+        system: &System,
+        world: &World,
+    ) -> Result<Self, EngineError> {
+        let any = Options { neighbors: NeighborChoice::Auto, ..options };
+        Self::new(options, kernel, system, world).or_else(|_| Self::new(any, kernel, system, world))
+    }
+
     /// Makes the choice again. Returns whether the engine has to be replaced, by another scheduler or by the
     /// same one for the present density.
     pub fn reconsider(&mut self, system: &System, world: &World) -> bool {

@@ -23,7 +23,7 @@ impl Simulation {
     /// Builds the engine for the particles that are there now, after some have come or gone.
     pub(super) fn repopulate(&mut self) -> Result<(), EngineError> {
         let system = present_system(&self.system, &self.state.world);
-        self.choice = Choice::new(self.options, self.choice.kernel, &system, &self.state.world)?;
+        self.choice = Choice::of_passing(self.options, self.choice.kernel, &system, &self.state.world)?;
         self.geometry = geometry(&system, &self.state.world, self.choice.filled());
         self.engine = self.choice.compile(&system, &self.geometry);
         drop(system);

@@ -133,7 +133,9 @@ impl Simulation {
         }
         let kernel = Kernel::choose(options.simd).ok_or(EngineError::NoAvx2)?;
         let present = present_system(&system, &state.world);
-        let choice = Choice::new(options, kernel, &present, &state.world)?;
+        let has_passed = state.population.as_ref().is_some_and(|population| population.passages() != [0; 2]);
+        let choose = if has_passed { Choice::of_passing } else { Choice::new };
+        let choice = choose(options, kernel, &present, &state.world)?;
         choice.log(&present, &state.world);
         let geometry = geometry(&present, &state.world, choice.filled());
         let engine = choice.compile(&present, &geometry);

@@ -6,6 +6,7 @@
 
 mod changed;
 mod former;
+mod passages;
 mod recipe;
 
 use std::sync::LazyLock;
@@ -528,27 +529,33 @@ fn compare(
     Ok(())
 }
 
-/// Checks half of the random scenes: those of one of two seeds.
-fn check_random_scenes(half: u64) {
-    let number =
+/// Checks a part of the random scenes, one `share`-th of them, those of the seed with this number. Returns
+/// how many they are.
+fn check_each(share: u32, number: u64, check: impl Fn(&Recipe) -> Result<(), TestCaseError>) -> u32 {
+    let given =
         |name: &str, default: u32| std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(default);
-    let (scenes, seed) = (number("HAFF_SCENES", 1000) / 2, u64::from(number("HAFF_SEED", 4)));
+    let (scenes, seed) = (given("HAFF_SCENES", 1000) / share, u64::from(given("HAFF_SEED", 4)));
     let config = ProptestConfig {
         cases: scenes,
-        rng_seed: RngSeed::Fixed(2 * seed + half),
+        rng_seed: RngSeed::Fixed(2 * seed + number),
         failure_persistence: None,
         ..ProptestConfig::default()
     };
-    let counts = std::cell::Cell::new([0, 0]);
     let mut runner = proptest::test_runner::TestRunner::new(config);
-    let outcome = runner.run(&recipe(), |recipe| {
-        let ([events, taken], [more, more_taken]) = (counts.get(), check(&recipe)?);
+    if let Err(error) = runner.run(&recipe(), |recipe| check(&recipe)) {
+        panic!("{error}");
+    }
+    scenes
+}
+
+/// Checks half of the random scenes: those of one of two seeds.
+fn check_random_scenes(half: u64) {
+    let counts = std::cell::Cell::new([0, 0]);
+    let scenes = check_each(2, half, |recipe| {
+        let ([events, taken], [more, more_taken]) = (counts.get(), check(recipe)?);
         counts.set([events + more, taken + more_taken]);
         Ok(())
     });
-    if let Err(error) = outcome {
-        panic!("{error}");
-    }
     let [events, taken] = counts.get();
     println!("{scenes} scenes, {events} events; {taken} taken by blocks");
     assert!(events > 20 * u64::from(scenes), "{events} events in all");
