@@ -79,8 +79,10 @@ fn check_balances(simulation: &mut Simulation, momentum_before: DVec3) {
     let sample = simulation.sample();
     assert!(sample.ledger.residual.abs() < 1e-13, "{:e}", sample.ledger.residual);
     let momentum = sample.momentum - momentum_before - sample.external_impulse;
-    let scale = 1.0 + sample.external_impulse.length();
-    assert!(momentum.length() < 1e-12 * scale, "{momentum} {scale}");
+    // Each event and each passage, of speeds of about 1, rounds the momentum to an ulp at most.
+    let events = (sample.step + sample.particles_in + sample.particles_out) as f64;
+    let allowed = 1e-12 * (1.0 + sample.external_impulse.length()) + f64::EPSILON * events;
+    assert!(momentum.length() < allowed, "{momentum}, allowed {allowed}");
     simulation.measure_overlap().unwrap();
 }
 
