@@ -506,7 +506,8 @@ impl Recipe {
             }
         };
         let motion = match (random.index(4), point) {
-            (2, Some(point)) => {
+            // About an axis in the plane a wall would leave it; scenes refuse that.
+            (2, Some(point)) if !flat || axis == DVec3::Z => {
                 let angular_velocity = axis * random.uniform(-2.0, 2.0);
                 WallMotion::Rotating(Rotation { point, angular_velocity })
             }
