@@ -10,7 +10,7 @@ import pytest
 
 import haff
 from haff.export import export
-from pages import page_of
+from pages import in_node, page_of
 
 DUCT = {
     "seed": 3,
@@ -244,3 +244,14 @@ def test_a_page_hides_who_is_not_there(duct, tmp_path):
     assert np.array_equal(np.isfinite(position).all(axis=2), present)
     assert np.array_equal(np.isfinite(velocity).all(axis=2), present)
     assert np.isfinite(page.header["frames"]["speed"]).all()
+
+
+def test_a_page_draws_who_leaves_up_to_the_next_frame(tmp_path):
+    # In free flight from the last frame that it has; who comes in is drawn from its first frame on.
+    program = """
+      const [a, u, none] = [[1, 2, 3], [0.5, 0, 0], [NaN, NaN, NaN]];
+      const paths = ["line", "kink"].map((flight) => place(flight, a, none, u, none, [0, 0, -1], null, 0.5, 1));
+      console.log(JSON.stringify(paths));
+    """
+    for path in in_node(tmp_path, ["flight.js"], program):
+        assert path == pytest.approx([1.25, 2.0, 2.875])

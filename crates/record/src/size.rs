@@ -72,6 +72,7 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
             stress: false,
             wall_forces: false,
             compression: false,
+            flow: false,
             spin,
             ..SceneFeatures::all()
         })

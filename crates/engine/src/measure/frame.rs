@@ -8,7 +8,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::{
     numerics::total::BLOCK,
     report::Frame,
-    state::{State, population::Population, world::World},
+    state::{State, population::spread, world::World},
 };
 
 /// Present position, velocity and image of a particle, wrapped into the box.
@@ -47,25 +47,24 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
             *image = world.image_in_box(*image, world.now);
         },
     );
-    match &state.population {
-        Some(population) => spread(&frame, population, world.spin.is_some()),
-        None => frame,
+    match (&world.ids, &state.population) {
+        (Some(ids), Some(population)) => whole(&frame, ids, population.all(), world.spin.is_some()),
+        _ => frame,
     }
 }
 
 /// A frame of all particles of the list, from that of those that are there.
-fn spread(frame: &Frame, population: &Population, has_spins: bool) -> Frame {
-    let all = population.all();
+fn whole(frame: &Frame, ids: &[u32], all: usize, has_spins: bool) -> Frame {
     let spins = if has_spins { all } else { 0 };
     Frame {
         time: frame.time,
         step: frame.step,
         edges: frame.edges,
-        position: population.spread(&frame.position, vec![DVec3::NAN; all]),
-        velocity: population.spread(&frame.velocity, vec![DVec3::NAN; all]),
-        image: population.spread(&frame.image, vec![[0; 3]; all]),
-        angular_velocity: population.spread(&frame.angular_velocity, vec![DVec3::NAN; spins]),
-        present: population.spread(&vec![true; population.ids.len()], vec![false; all]),
+        position: spread(ids, &frame.position, vec![DVec3::NAN; all]),
+        velocity: spread(ids, &frame.velocity, vec![DVec3::NAN; all]),
+        image: spread(ids, &frame.image, vec![[0; 3]; all]),
+        angular_velocity: spread(ids, &frame.angular_velocity, vec![DVec3::NAN; spins]),
+        present: spread(ids, &vec![true; ids.len()], vec![false; all]),
     }
 }
 

@@ -91,3 +91,14 @@ pub struct Flow {
     /// Number of particles at the start: the first ones of the system. The others wait.
     pub present: usize,
 }
+
+impl Flow {
+    /// Number of all particles that ever are there.
+    pub(crate) fn all(&self) -> u64 {
+        let counts = self.inlets.iter().map(|inlet| match inlet.supply {
+            Supply::Rate { count, .. } => u64::from(count),
+            Supply::Refill { .. } => 0,
+        });
+        self.present as u64 + counts.sum::<u64>()
+    }
+}

@@ -24,7 +24,7 @@ use crate::{
         flight_sums::{FlightSums, Summed},
         force::Force,
         particle::Support,
-        population::Population,
+        population::{Population, spread},
         settling::SettlingState,
         slide::Slide,
         stall::Stall,
@@ -198,9 +198,9 @@ impl Simulation {
             scalars: scalars.scalars,
             measured: self.save_measurements(),
         };
-        match population {
-            Some(population) => spread(checkpoint, population, world.spin.is_some()),
-            None => checkpoint,
+        match (&world.ids, population) {
+            (Some(ids), Some(population)) => whole(checkpoint, ids, population, world.spin.is_some()),
+            _ => checkpoint,
         }
     }
 
@@ -222,20 +222,22 @@ impl Simulation {
             )));
         }
         let species = Species::new(&system);
-        let mut population = Population::of(&system, |_| present(checkpoint));
+        let mut population = Population::of(&system);
         let gathered;
-        let (system, checkpoint) = match &mut population {
+        let (system, checkpoint, ids) = match &mut population {
             Some(population) => {
-                gathered = gather(checkpoint, population);
-                (system.with_bodies(&population.ids), &gathered)
+                let ids = present(checkpoint);
+                population.counts.clone_from(&checkpoint.count);
+                gathered = gather(checkpoint, &ids);
+                (system.with_bodies(&ids), &gathered, Some(ids))
             }
-            None => (system, checkpoint),
+            None => (system, checkpoint, None),
         };
         let count = system.bodies.len();
         let mut scalars = ScalarReader::new(&checkpoint.scalars).map_err(EngineError::Checkpoint)?;
         let exponent = valid::exponent(scalars.take("clock.exponent"))?;
         let mut world = World::new(&system, exponent);
-        world.ids = population.as_ref().map(|population| Arc::clone(&population.ids));
+        world.ids = ids;
         world.clock.base = scalars.real("clock.base");
         world.clock.base_low = scalars.real("clock.base_low");
         world.clock.earliest = scalars.real("clock.earliest");
@@ -372,7 +374,7 @@ impl Simulation {
         };
         if let Some(population) = &mut population {
             let [entered, left, left_before] = PASSAGES.map(|name| scalars.take(name));
-            valid::passages(&system, population.ids.len(), [entered, left, left_before])?;
+            valid::passages(&system, count, [entered, left, left_before])?;
             (population.entered, population.left, population.left_before) = (entered, left, left_before);
         }
         let mut actions = actions(&system);
@@ -426,34 +428,32 @@ impl Simulation {
 const ABSENT: i64 = i64::MIN;
 
 /// The checkpoint of the particles that are there as one of all.
-fn spread(checkpoint: Checkpoint, population: &Population, has_spins: bool) -> Checkpoint {
+fn whole(checkpoint: Checkpoint, ids: &[u32], population: &Population, has_spins: bool) -> Checkpoint {
     let all = population.all();
     let spins = if has_spins { all } else { 0 };
     Checkpoint {
-        position: population.spread(&checkpoint.position, vec![DVec3::ZERO; all]),
-        velocity: population.spread(&checkpoint.velocity, vec![DVec3::ZERO; all]),
-        anchor: population.spread(&checkpoint.anchor, vec![ABSENT; all]),
-        image: population.spread(&checkpoint.image, vec![[0; 3]; all]),
-        count: population.spread(&checkpoint.count, population.counts.clone()),
-        angular_velocity: population.spread(&checkpoint.angular_velocity, vec![DVec3::ZERO; spins]),
-        resting: population.spread(&checkpoint.resting, vec![0; all]),
+        position: spread(ids, &checkpoint.position, vec![DVec3::ZERO; all]),
+        velocity: spread(ids, &checkpoint.velocity, vec![DVec3::ZERO; all]),
+        anchor: spread(ids, &checkpoint.anchor, vec![ABSENT; all]),
+        image: spread(ids, &checkpoint.image, vec![[0; 3]; all]),
+        count: spread(ids, &checkpoint.count, population.counts.clone()),
+        angular_velocity: spread(ids, &checkpoint.angular_velocity, vec![DVec3::ZERO; spins]),
+        resting: spread(ids, &checkpoint.resting, vec![0; all]),
         ..checkpoint
     }
 }
 
 /// The particles of a checkpoint that are there.
-fn present(checkpoint: &Checkpoint) -> Vec<u32> {
+fn present(checkpoint: &Checkpoint) -> Arc<[u32]> {
     let anchors = (0..).zip(&checkpoint.anchor);
     anchors.filter(|(_, anchor)| **anchor != ABSENT).map(|(id, _)| id).collect()
 }
 
-/// What [`spread`] was made of; the numbers of events of the others go to the population.
-fn gather(checkpoint: &Checkpoint, population: &mut Population) -> Checkpoint {
+/// The checkpoint of the particles with these ids, of which [`whole`] was made.
+fn gather(checkpoint: &Checkpoint, ids: &[u32]) -> Checkpoint {
     fn those<T: Clone>(values: &[T], ids: &[u32]) -> Vec<T> {
         ids.iter().filter_map(|&id| values.get(id as usize).cloned()).collect()
     }
-    population.counts.clone_from(&checkpoint.count);
-    let ids = &population.ids;
     Checkpoint {
         position: those(&checkpoint.position, ids),
         velocity: those(&checkpoint.velocity, ids),

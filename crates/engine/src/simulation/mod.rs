@@ -3,7 +3,8 @@ The simulation: a state, an engine compiled for the features of the system, and 
 
 *What is here.* [`Simulation`] is what callers use. [`epochs`] are those of its clock. [`choice`] decides
 which search runs, [`change`] replaces particles, laws and walls on the way, [`checkpoint`] saves and
-[`valid`] checks what is loaded. [`warnings`] says what a scene will probably do.
+[`valid`] checks what is loaded. [`population`] is for particles that come and go. [`warnings`] says what a
+scene will probably do.
 
 *What to change here.* What the caller can ask of a run.
 

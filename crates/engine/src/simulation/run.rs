@@ -87,14 +87,15 @@ impl Simulation {
     /// The system must be valid: masses and radii are positive, nothing overlaps, particles are inside their
     /// walls, velocities are finite, and gravity is zero along periodic axes.
     pub fn new(system: System, options: Options) -> Result<Self, EngineError> {
-        let population = Population::of(&system, |present| (0..present as u32).collect());
+        let population = Population::of(&system);
+        let ids = system.flow.as_ref().map(|flow| (0..flow.present as u32).collect::<Arc<[u32]>>());
         let species = Species::new(&system);
-        let system = match &population {
-            Some(population) => system.with_bodies(&population.ids),
+        let system = match &ids {
+            Some(ids) => system.with_bodies(ids),
             None => system,
         };
         let mut world = World::new(&system, 0);
-        world.ids = population.as_ref().map(|population| Arc::clone(&population.ids));
+        world.ids = ids;
         let extent = world.extent(open_axes(&system));
         let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
         // All anchors are at tick 0, which is time 0 for any length of a tick.
@@ -266,12 +267,12 @@ impl Simulation {
                     }
                 }
                 Pause::Time if limit.ticks == due => {
-                    let before = self.state.population.as_ref().map(|population| population.passages());
+                    let before = self.passages();
                     let changed = self.act(due, observer)?.unwrap_or_else(|| {
                         self.measure(due, observer);
                         Vec::new()
                     });
-                    if before != self.state.population.as_ref().map(|population| population.passages()) {
+                    if before != self.passages() {
                         self.repopulate()?;
                         entries = entries.saturating_sub(1 + self.particles() as u64);
                         if self.is_finished() {

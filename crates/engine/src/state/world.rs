@@ -29,7 +29,7 @@ pub(crate) struct World {
     pub now: i64,
     pub particles: Array<Particle>,
     pub images: Array<[i32; 3]>,
-    /// Ids of the particles, where they come and go ([`crate::state::population`]).
+    /// Ids of the particles, ascending, where they come and go ([`crate::state::population`]).
     pub ids: Option<Arc<[u32]>>,
     /// Radius, mass and group by class. If grains are put to rest, a second copy of the classes with infinite
     /// mass follows: the classes of asleep particles.

@@ -96,7 +96,6 @@ fn a_flow_is_independent_of_search_threads_slices_and_resumption() {
         let start = scene.flow.as_ref().unwrap().present as u64;
         let mut simulation = check_independence(&scene, &times);
         let sample = simulation.sample();
-        println!("{name}: {sample:?}");
         assert_eq!(sample.particles, start + sample.particles_in - sample.particles_out, "{name}");
         assert!(sample.particles_out > 10 && sample.particles_in > 10, "{name}: {sample:?}");
         assert!(sample.ledger.term(Term::Outlet) != 0.0, "{name}");
@@ -237,11 +236,16 @@ fn numbers_that_do_not_fit_are_refused() {
     let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
     run(&mut simulation, 5.0);
     let checkpoint = simulation.checkpoint();
-    for (name, change) in [("flow.entered", 1), ("inlet.0.entered", 1000), ("flow.left_before", 1000)] {
+    for (name, change, why) in [
+        ("flow.entered", 1, "particles are there"),
+        ("flow.left_before", 1000, "flow.left_before"),
+        ("inlet.0.entered", 1000, "inlet.0: 10"),
+        ("inlet.0.waiting", 1 << 40, "of 160 particles wait"),
+    ] {
         let mut damaged = checkpoint.clone();
         damaged.scalars.iter_mut().find(|(found, _)| found == name).unwrap().1 += change;
         let error = Simulation::restore(scene.clone(), Options::default(), &damaged).err().unwrap();
-        println!("{error}");
+        assert!(error.to_string().contains(why), "{error}");
     }
     let mut damaged = checkpoint;
     damaged.anchor[3] = i64::MIN;

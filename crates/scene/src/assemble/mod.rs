@@ -269,12 +269,12 @@ impl Assembler<'_> {
 
         let spin = spin.map(|plan| self.spin(plan, &species, &rows, state.as_ref()));
         let present = rows.bodies.len();
-        let (first, bodies, classes) = (rows.species, std::mem::take(&mut rows.bodies), rows.classes.clone());
+        let first = rows.species;
         let mut system = System {
             dimension: self.dimension,
             domain: system_domain,
-            bodies,
-            classes,
+            bodies: std::mem::take(&mut rows.bodies),
+            classes: std::mem::take(&mut rows.classes),
             groups: names.all.iter().map(|name| haff_engine::Group { name: name.clone() }).collect(),
             species: names.all.clone(),
             walls,

@@ -240,6 +240,7 @@ impl Passages {
         species: &[SpeciesPlan],
         mut rows: Rows,
     ) {
+        rows.classes = std::mem::take(&mut system.classes);
         let mut drawn: Vec<usize> = species.iter().map(|plan| plan.count).collect();
         for supplied in &self.supplied {
             let plan = &species[supplied.species];

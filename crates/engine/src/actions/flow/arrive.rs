@@ -19,18 +19,17 @@ pub(super) fn arrive(
     world: &World,
     inlet: &Inlet,
     (id, class): (u32, u32),
-    with: &[(Arrival, u32)],
+    with: &[Arrival],
     draw: &mut Draw,
 ) -> Option<Arrival> {
     let body = &world.classes[class as usize];
     let near = near(world, inlet, body.radius);
-    let others = with.iter().map(|(other, class)| (other.position, world.classes[*class as usize].radius));
+    let others = with.iter().map(|other| (other.position, world.classes[other.class as usize].radius));
     let taken: Vec<(DVec3, f64)> = near.into_iter().chain(others).collect();
     let spread = (inlet.temperature / body.mass).sqrt();
     let mut found = None;
     for _ in 0..PLACES {
-        let position =
-            inlet.place.at(|axis| if axis < world.dimension { Some(draw.uniform()) } else { None });
+        let position = inlet.place.at(|axis| (axis < world.dimension).then(|| draw.uniform()));
         let touches = |&(other, radius): &(DVec3, f64)| {
             let contact = (body.radius + radius) * (1.0 + GAP);
             world.boundary.periodicity.nearest(position - other).length_squared() <= contact * contact
@@ -43,7 +42,7 @@ pub(super) fn arrive(
     }
     // Drawn also where there is no place: what follows does not depend on it.
     let velocity = inlet.velocity + spread * draw.normals(world.dimension);
-    found.map(|position| Arrival { id, position, velocity })
+    found.map(|position| Arrival { id, class, position, velocity })
 }
 
 /// Positions and radii of the particles that a particle of this radius in an inlet could touch.

@@ -57,17 +57,11 @@ pub(crate) struct Passage {
     floor: f64,
     /// Time of the next search of outlets [time].
     search: f64,
+    /// Number of all particles that ever are there.
+    all: u64,
 }
 
 impl Source {
-    /// Mean time between two entries; infinite for an inlet that refills.
-    fn mean(&self) -> f64 {
-        match self.inlet.supply {
-            Supply::Rate { rate, .. } => 1.0 / rate,
-            Supply::Refill { .. } => f64::INFINITY,
-        }
-    }
-
     /// Whether particles will still come in at stated times.
     fn is_flowing(&self) -> bool {
         matches!(self.inlet.supply, Supply::Rate { count, .. } if self.entered < u64::from(count))
@@ -104,6 +98,7 @@ impl Passage {
             dimension: system.dimension.count(),
             floor: flow.inlets.iter().map(speed).chain(of_walls).fold(0.0, f64::max),
             search: if flow.outlets.is_empty() { f64::INFINITY } else { 0.0 },
+            all: flow.all(),
         };
         for k in 0..action.sources.len() {
             action.draw_time(k);
@@ -113,22 +108,24 @@ impl Passage {
 
     /// Sets the next time of an inlet.
     fn draw_time(&mut self, k: usize) {
+        // The complement of the seed: the seed itself is used for places and velocities.
         let seed = !self.seed;
         let source = &mut self.sources[k];
-        source.next = if source.is_flowing() {
-            source.next + source.mean() * Draw::new(seed, k as u32, source.drawn).exponential()
-        } else {
-            f64::INFINITY
+        source.next = match source.inlet.supply {
+            Supply::Rate { rate, .. } if source.is_flowing() => {
+                source.next + Draw::new(seed, k as u32, source.drawn).exponential() / rate
+            }
+            _ => f64::INFINITY,
         };
     }
 
-    /// The ids of those that are in an outlet, by their indices.
+    /// The indices of the particles that are in an outlet.
     fn found(&self, state: &State) -> Vec<u32> {
         let world = &state.world;
         let is_out = |&i: &u32| {
-            let position = || world.boundary.periodicity.wrap(world.state(i, world.now).0).0;
+            let position = world.boundary.periodicity.wrap(world.state(i, world.now).0).0;
             world.body(i).inverse_mass != 0.0
-                && self.outlets.iter().any(|outlet| outlet.place.contains(position()))
+                && self.outlets.iter().any(|outlet| outlet.place.contains(position))
         };
         (0..world.particles.len() as u32).filter(is_out).collect()
     }
@@ -149,21 +146,22 @@ impl Passage {
     }
 
     /// A particle that one of the inlets lets in now, if there is room.
-    fn enter(&self, state: &State, k: usize, id: u32, with: &[(Arrival, u32)]) -> Option<(Arrival, u32)> {
+    fn enter(&self, state: &State, k: usize, id: u32, with: &[Arrival]) -> Option<Arrival> {
         let source = &self.sources[k];
-        let population = state.population.as_ref()?;
-        let (class, _) = *population.kinds.get(id as usize)?;
-        if population.ids.binary_search(&id).is_ok() || with.iter().any(|(other, _)| other.id == id) {
+        let (class, _) = *state.population.as_ref()?.kinds.get(id as usize)?;
+        // Only in a damaged checkpoint.
+        let is_there = state.world.ids.as_ref().is_some_and(|ids| ids.binary_search(&id).is_ok());
+        if is_there || with.iter().any(|other| other.id == id) {
             return None;
         }
         let mut draw = Draw::new(self.seed, k as u32, source.drawn);
-        Some((arrive(&state.world, &source.inlet, (id, class), with, &mut draw)?, class))
+        arrive(&state.world, &source.inlet, (id, class), with, &mut draw)
     }
 
-    /// The particles that come in now. `is_search`: those that wait are tried, too.
+    /// The particles that come in now, by their ids. `is_search`: those that wait are tried, too.
     fn arrivals(&mut self, state: &State, is_search: bool) -> Vec<Arrival> {
         let now = state.world.now;
-        let mut arrivals: Vec<(Arrival, u32)> = Vec::new();
+        let mut arrivals: Vec<Arrival> = Vec::new();
         for k in 0..self.sources.len() {
             if self.sources[k].is_flowing() && state.world.clock.ticks(self.sources[k].next) <= now {
                 if let Supply::Rate { first, .. } = self.sources[k].inlet.supply {
@@ -185,7 +183,6 @@ impl Passage {
                 arrivals.push(arrival);
             }
         }
-        let mut arrivals: Vec<Arrival> = arrivals.into_iter().map(|(arrival, _)| arrival).collect();
         arrivals.sort_by_key(|arrival| arrival.id);
         arrivals
     }
@@ -209,21 +206,17 @@ impl TimedAction for Passage {
     ) -> Result<Vec<u32>, EngineError> {
         let now = state.world.now;
         let is_search = self.search < f64::INFINITY && state.world.clock.ticks(self.search) <= now;
-        let mut removed = Vec::new();
-        if is_search {
-            removed = self.found(state);
+        let removed = if is_search { self.found(state) } else { Vec::new() };
+        if !removed.is_empty() {
             with_ids(state.world.ids.clone(), observer, |observer| {
                 removed.iter().try_for_each(|&i| leave::leave(state, i, observer))
             })?;
-        }
-        if !removed.is_empty() {
-            if let Some(population) = &state.population {
-                for &i in &removed {
-                    let id = population.ids[i as usize];
-                    let species = population.kinds[id as usize].1;
-                    if let Some(source) = self.sources.iter_mut().find(|source| source.refills(species)) {
-                        source.waiting.push_back(id);
-                    }
+            for &i in &removed {
+                let id = state.world.id(i);
+                let species = state.population.as_ref().map(|population| population.kinds[id as usize].1);
+                let refills = |source: &&mut Source| species.is_some_and(|species| source.refills(species));
+                if let Some(source) = self.sources.iter_mut().find(refills) {
+                    source.waiting.push_back(id);
                 }
             }
             replace(state, &removed, &[]);
@@ -279,14 +272,13 @@ impl TimedAction for Passage {
                 Supply::Refill { count, .. } => count,
             };
             let waiting = take(&format!("inlet.{k}.waiting"));
-            if source.entered > most || source.entered.saturating_add(waiting) > most {
-                let entered = source.entered;
+            if source.entered.checked_add(waiting).is_none_or(|sum| sum > most) || waiting > self.all {
+                let (entered, all) = (source.entered, self.all);
                 return fault(format!(
-                    "inlet.{k}: {entered} entries and {waiting} waiting, of at most {most}"
+                    "inlet.{k}: {entered} entries, at most {most}, and {waiting} of {all} particles wait"
                 ));
             }
-            source.waiting =
-                (0..waiting.min(1 << 32)).map(|n| take(&format!("inlet.{k}.waiting.{n}")) as u32).collect();
+            source.waiting = (0..waiting).map(|n| take(&format!("inlet.{k}.waiting.{n}")) as u32).collect();
         }
         Ok(())
     }
