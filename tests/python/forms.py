@@ -192,6 +192,17 @@ SCENES: dict[str, dict[str, Any]] = {
         "run": _SHORT,
         "output": _OUTPUT,
     },
+    "pistons": {
+        "domain": {**_BOX, "boundary": ["periodic", "periodic", "open"], "gravity": [0, 0, -1]},
+        "species": [_GRAIN],
+        "contact": {"restitution": 0.9, "tangential_restitution": 0.5, "friction": 0.2, "tc": 1e-3},
+        "wall": [
+            {"name": "floor", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
+            {"name": "lid", "plane": {"point": [0, 0, 12.5], "normal": [0, 0, -1]}, "mass": 20, "force": 10},
+        ],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
     "flow": {
         "domain": {**_BOX, "boundary": ["periodic", "periodic", "wall"], "gravity": [0, 0, -1]},
         "species": [_GRAIN, {**_GRAIN, "name": "rain", "count": 0}],

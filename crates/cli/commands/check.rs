@@ -117,6 +117,7 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
             compressed: scene.output.compressed,
             dimension: axes,
             spin: system.spin.is_some(),
+            pistons: system.piston_count(),
             measured: estimate::measured(system, samples, until),
         })
     });

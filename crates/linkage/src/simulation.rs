@@ -294,6 +294,7 @@ impl Simulation {
         Ledger {
             kinetic,
             rotational: 0.0,
+            pistons: 0.0,
             potential: gravity + spring,
             spring,
             dissipated,

@@ -94,6 +94,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         mass: vec![1.0; particles],
         radius: vec![0.5; particles],
         wall_names: Vec::new(),
+        pistons: Vec::new(),
         frames: false,
         observables: false,
         events: columns,

@@ -39,6 +39,8 @@ pub(crate) struct Trajectory {
     pub image: Series,
     /// Where particles come and go: whether each is there.
     pub present: Option<Series>,
+    /// Positions and velocities of pistons, if there are any.
+    pub pistons: Option<[Series; 2]>,
     pub edges: Series,
     pub clock: Clock,
 }
@@ -46,7 +48,7 @@ pub(crate) struct Trajectory {
 impl Trajectory {
     fn create(
         all: &Group,
-        particles: usize,
+        (particles, pistons): (usize, usize),
         present: &SceneFeatures,
         compressed: bool,
     ) -> hdf5::Result<Self> {
@@ -82,6 +84,13 @@ impl Trajectory {
             } else {
                 None
             },
+            pistons: if pistons > 0 {
+                let (width, storage) = ([pistons, 3], frame_storage(pistons, compressed));
+                let create = |path| Series::create_real(&element(path)?, "value", &width, &storage);
+                Some([create("pistons/position")?, create("pistons/velocity")?])
+            } else {
+                None
+            },
             edges: Series::create_real(
                 &element("box/edges")?,
                 "value",
@@ -92,8 +101,9 @@ impl Trajectory {
         })
     }
 
-    fn open(all: &Group, particles: usize) -> hdf5::Result<Self> {
+    fn open(all: &Group, particles: usize, pistons: usize) -> hdf5::Result<Self> {
         let vectors = |path| Series::open(all, path)?.expect(&[particles, 3]);
+        let of_pistons = |path| Series::open(all, path)?.expect(&[pistons, 3]);
         Ok(Self {
             position: vectors("position/value")?,
             velocity: vectors("velocity/value")?,
@@ -105,6 +115,11 @@ impl Trajectory {
             image: vectors("image/value")?,
             present: if all.link_exists("present") {
                 Some(Series::open(all, "present/value")?.expect(&[particles])?)
+            } else {
+                None
+            },
+            pistons: if pistons > 0 {
+                Some([of_pistons("pistons/position/value")?, of_pistons("pistons/velocity/value")?])
             } else {
                 None
             },
@@ -123,6 +138,7 @@ impl Trajectory {
             .into_iter()
             .chain(&self.angular_velocity)
             .chain(&self.present)
+            .chain(self.pistons.iter().flatten())
             .map(Series::rows)
             .fold(self.clock.rows(), usize::min);
         self.clock.time.without_trailing_nan(rows)
@@ -134,11 +150,12 @@ impl Trajectory {
             .into_iter()
             .chain(&self.angular_velocity)
             .chain(&self.present)
+            .chain(self.pistons.iter().flatten())
     }
 
     fn check_growth(&self, kept: usize) -> hdf5::Result<()> {
-        let mut reals =
-            [&self.position, &self.velocity, &self.edges].into_iter().chain(&self.angular_velocity);
+        let reals = [&self.position, &self.velocity, &self.edges].into_iter();
+        let mut reals = reals.chain(&self.angular_velocity).chain(self.pistons.iter().flatten());
         reals.try_for_each(|series| series.check_growth::<f64>(kept))?;
         self.image.check_growth::<i32>(kept)?;
         self.present.iter().try_for_each(|series| series.check_growth::<u8>(kept))?;
@@ -148,7 +165,9 @@ impl Trajectory {
     pub fn truncate(&mut self, rows: usize) -> hdf5::Result<()> {
         self.clock.truncate(rows)?;
         let series = [&mut self.position, &mut self.velocity, &mut self.image, &mut self.edges];
-        for series in series.into_iter().chain(&mut self.angular_velocity).chain(&mut self.present) {
+        let others =
+            self.pistons.iter_mut().flatten().chain(&mut self.angular_velocity).chain(&mut self.present);
+        for series in series.into_iter().chain(others) {
             series.resize(rows)?;
         }
         Ok(())
@@ -303,7 +322,8 @@ impl Datasets {
             write_array(&all, "inertia", &header.inertia)?;
         }
         let trajectory = if header.frames {
-            Some(Trajectory::create(&all, particles, &header.present, header.compressed)?)
+            let sizes = (particles, header.pistons.len());
+            Some(Trajectory::create(&all, sizes, &header.present, header.compressed)?)
         } else {
             write_array(&box_group, "edges", &header.box_size.to_array())?;
             None
@@ -334,8 +354,11 @@ impl Datasets {
     /// Opens all growing datasets, and checks the shapes of their rows.
     pub fn open(root: &Group, particles: usize, sizes: Sizes) -> hdf5::Result<Self> {
         let all = root.group("particles/all")?;
-        let trajectory =
-            if all.link_exists("position") { Some(Trajectory::open(&all, particles)?) } else { None };
+        let trajectory = if all.link_exists("position") {
+            Some(Trajectory::open(&all, particles, sizes.pistons)?)
+        } else {
+            None
+        };
         let observables =
             if root.link_exists("observables") { Some(Observables::open(root, sizes)?) } else { None };
         let events =
@@ -430,8 +453,14 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
         write_text(&group, EARLIER, &header.earlier)?;
     }
     write_array(&group, "species_names", &texts(&header.species_names)?)?;
+    if !header.pistons.is_empty() {
+        write_array(&group, PISTONS, &header.pistons)?;
+    }
     write_array(&group, "wall_names", &texts(&header.wall_names)?)
 }
+
+/// Name of the dataset with the walls that are pistons.
+pub(crate) const PISTONS: &str = "pistons";
 
 /// Names of the dataset with the summary of a run, and of that with its summary before it was resumed. They
 /// are equally long, so that one can replace the other in a group when the disk is full.

@@ -47,6 +47,8 @@ pub struct Header {
     pub earlier: String,
     /// Names of the walls; event rows refer to walls by their index here.
     pub wall_names: Vec<String>,
+    /// The walls that are pistons, by their indices.
+    pub pistons: Vec<u32>,
     /// Whether frames are recorded.
     pub frames: bool,
     /// Whether observables are recorded.
@@ -64,7 +66,12 @@ pub struct Header {
 impl Header {
     /// The numbers on which the shapes of observables depend.
     pub(crate) fn sizes(&self) -> Sizes {
-        Sizes { species: self.species_names.len(), walls: self.wall_names.len(), dimension: self.dimension }
+        Sizes {
+            species: self.species_names.len(),
+            walls: self.wall_names.len(),
+            pistons: self.pistons.len(),
+            dimension: self.dimension,
+        }
     }
 
     /// The part of the header that follows from the system: everything except the texts, the seed and the
@@ -113,6 +120,7 @@ impl Header {
             }),
             earlier: String::new(),
             wall_names: system.walls.iter().map(|wall| wall.name.clone()).collect(),
+            pistons: system.pistons().map(|(wall, _)| wall as u32).collect(),
             frames: true,
             observables: true,
             events: Vec::new(),

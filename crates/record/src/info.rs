@@ -8,7 +8,7 @@ use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
     checkpoint::newest,
-    datasets::{Datasets, EARLIER, Observables},
+    datasets::{Datasets, EARLIER, Observables, PISTONS},
     declared::{checked_text, elements, read_all, read_attribute, read_scalar},
     error::{Context, RecordError},
     events::Columns,
@@ -93,6 +93,8 @@ pub(crate) struct Parameters {
     /// Number of species whose temperatures are recorded.
     pub species_sampled: Option<usize>,
     pub wall_names: Vec<String>,
+    /// Number of walls that are pistons.
+    pub pistons: usize,
     /// Number of walls on which the forces are recorded.
     pub walls_sampled: Option<usize>,
     pub summary: Option<String>,
@@ -103,7 +105,12 @@ pub(crate) struct Parameters {
 impl Parameters {
     /// The numbers on which the shapes of observables depend.
     pub fn sizes(&self) -> Sizes {
-        Sizes { species: self.species_names.len(), walls: self.wall_names.len(), dimension: self.dimension }
+        Sizes {
+            species: self.species_names.len(),
+            walls: self.wall_names.len(),
+            pistons: self.pistons,
+            dimension: self.dimension,
+        }
     }
 
     /// Reads them; fails for files that haff has not written, or not this version of it.
@@ -170,6 +177,11 @@ impl Parameters {
             species_names,
             walls_sampled: (file.link_exists("observables") && file.link_exists("observables/wall_force"))
                 .then_some(wall_names.len()),
+            pistons: if group.link_exists(PISTONS) {
+                elements(&group.dataset(PISTONS)?.get_shape()?) as usize
+            } else {
+                0
+            },
             wall_names,
             complete: match &summary {
                 Some(summary) => read_attribute::<u8>(&summary.attr("complete")?, 1)? != [0],
@@ -370,6 +382,7 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         ledger: Ledger {
             kinetic: real("kinetic_energy")?,
             rotational: read("rotational_energy")?.first().copied().unwrap_or(0.0),
+            pistons: read("piston_energy")?.first().copied().unwrap_or(0.0),
             potential: real("potential_energy")?,
             spring: real("spring_energy")?,
             dissipated: real("dissipated_energy")?,
@@ -391,6 +404,8 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
         },
         wall_force: vectors(&read("wall_force")?),
         wall_heat_flow: read("wall_heat_flow")?,
+        piston_position: vectors(&read("piston_position")?),
+        piston_velocity: vectors(&read("piston_velocity")?),
         probes,
         momentum: vector("momentum")?.unwrap_or(DVec3::NAN),
         external_impulse: vector("external_impulse")?.unwrap_or(DVec3::NAN),

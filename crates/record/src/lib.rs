@@ -13,12 +13,13 @@ and [`last_state`] read.
 | `particles/all/box` | attributes `dimension` = 3 and `boundary`; `edges` \[F\]\[3\] at the frames' steps and times |
 | `particles/all/angular_velocity` | the same as `velocity`, with spin |
 | `particles/all/present` | with inlets or outlets: `value` \[F\]\[N\], 1 if a particle is there, else 0: then its position and velocity are NaN |
+| `particles/all/pistons/{position,velocity}` | with pistons: `value` \[F\]\[P\]\[3\], a point of each plane and its velocity |
 | `particles/all/{id,species,mass,radius}` | \[N\]; with spin also `inertia` |
 | `observables/…` | `value` \[S\] or \[S\]\[k\], `step` \[S\], `time` \[S\], the last two hard-linked |
 | `profiles/…/{density,mass_density,velocity,temperature,pressure}` | `value` \[R\]\[bins…\]\[…\], `step` \[R\], `time` \[R\]; `position/value` \[bins\], of several axes \[bins…\]\[axes\] |
 | `correlations/{msd,vacf,stress,helfand}` | `lag`, `value`, `error`, `count` \[L\], replaced with every checkpoint |
 | `events/…` | one column per dataset, \[E\] or \[E\]\[3\]: `time`, and those selected by the scene; `kind` is an HDF5 enum |
-| `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `conserved_momentum`, `species_names`, `wall_names`; after the run `summary` (JSON) |
+| `parameters/…` | `scene` (TOML), `title`, `seed`, `version`, `git_revision`, `schema`, `trajectory_version`, `dimension`, `box_origin`, `conserved_momentum`, `species_names`, `wall_names`, with pistons `pistons` \[P\], their indices among the walls; after the run `summary` (JSON) |
 | `checkpoint/{0,1}` | two slots, written alternately |
 | `checkpoint/flushes` | \[5\]: a counter at a fixed address, for readers of a file that is being written |
 

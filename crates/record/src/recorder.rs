@@ -50,6 +50,8 @@ pub(crate) struct Contents {
     pub events: bool,
     /// Number of profiles.
     pub profiles: usize,
+    /// Number of pistons.
+    pub pistons: usize,
     /// Whether there are angular velocities.
     pub spin: bool,
     /// Whether particles come and go.
@@ -88,6 +90,7 @@ impl Recorder {
             observables: header.observables,
             events: !header.events.is_empty(),
             profiles: header.measure.profiles.len(),
+            pistons: header.pistons.len(),
             spin: header.present.spin,
             flow: header.present.flow,
         };
@@ -144,6 +147,10 @@ impl Recorder {
         if self.producer.is_some() && self.contents.frames && frame.present.len() != expected {
             let found = frame.present.len();
             return Err(self.unfit(format!("a frame that says of {found} particles whether they are there")));
+        }
+        if self.producer.is_some() && frame.pistons.len() != self.contents.pistons {
+            let (found, expected) = (frame.pistons.len(), self.contents.pistons);
+            return Err(self.unfit(format!("a frame of {found} pistons; the file has {expected}")));
         }
         if self.contents.frames || self.producer.is_none() {
             self.send(Message::Frame(frame))

@@ -59,6 +59,7 @@ struct MadeFor {
     particles: usize,
     species: usize,
     walls: usize,
+    pistons: usize,
     spin: bool,
     /// Shapes of the fields of each profile.
     profiles: Vec<Vec<Vec<usize>>>,
@@ -72,12 +73,13 @@ impl Resumed {
     ///
     /// [`RecordError::Unfit`].
     pub fn require(&self, path: impl AsRef<Path>, header: &Header) -> Result<(), RecordError> {
-        let MadeFor { particles, species, walls, spin, profiles } = &self.made_for;
+        let MadeFor { particles, species, walls, pistons, spin, profiles } = &self.made_for;
         let of_scene = header.measure.profiles.iter().map(|grid| row_shapes(grid, header.dimension));
         let reason = [
             ("particles", *particles, header.species.len()),
             ("species", *species, header.species_names.len()),
             ("walls", *walls, header.wall_names.len()),
+            ("pistons", *pistons, header.pistons.len()),
             ("angular velocities", usize::from(*spin), usize::from(header.present.spin)),
             ("profiles", profiles.len(), header.measure.profiles.len()),
         ]
@@ -143,6 +145,7 @@ impl Recorder {
             observables: datasets.observables.is_some(),
             events: datasets.events.is_some(),
             profiles: datasets.profiles.count(),
+            pistons: parameters.pistons,
             spin: datasets.slots[0].has_spin(),
             flow: datasets.trajectory.as_ref().is_some_and(|trajectory| trajectory.present.is_some()),
         };
@@ -215,6 +218,7 @@ fn describe(
         particles: parameters.particles,
         species: parameters.species_names.len(),
         walls: parameters.wall_names.len(),
+        pistons: parameters.pistons,
         spin: datasets.slots[0].has_spin(),
         profiles: datasets.profiles.row_shapes(),
     };

@@ -13,6 +13,8 @@ pub struct FileSize<'a> {
     pub dimension: usize,
     /// Whether there are angular velocities.
     pub spin: bool,
+    /// Number of pistons.
+    pub pistons: usize,
     /// Frames.
     pub frames: u64,
     /// Rows of observables.
@@ -65,14 +67,15 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
         (true, true) => axes * PACKED,
         (true, false) => 24.0,
     };
-    let per_frame = 8 + 8 + 24;
-    let sizes = Sizes { species: 1, walls: 0, dimension };
+    let per_frame = 8 + 8 + 24 + 48 * size.pistons as u64;
+    let sizes = Sizes { species: 1, walls: 0, pistons: size.pistons, dimension };
     let per_sample = 16
         + observables(&SceneFeatures {
             stress: false,
             wall_forces: false,
             compression: false,
             flow: false,
+            pistons: size.pistons > 0,
             spin,
             ..SceneFeatures::all()
         })

@@ -251,6 +251,10 @@ impl Writer {
             let present = rows.clone().map(|frame| frame.present.iter().map(|&present| u8::from(present)));
             series.append_rows(present, packer).doing(path, WRITE)?;
         }
+        for (k, series) in trajectory.pistons.iter_mut().flatten().enumerate() {
+            let states = rows.clone().map(|frame| frame.pistons.iter().flat_map(|state| state[k].to_array()));
+            series.append_rows(states, packer).doing(path, WRITE)?;
+        }
         let images = rows.map(|frame| frame.image.as_slice());
         trajectory.image.append_vectors(images, |image| image, packer).doing(path, WRITE)?;
         let sheared = trajectory.edges.width() == 9;

@@ -49,6 +49,9 @@ def draw(file: Recording) -> Figure:
     layers: list[tuple[str, str, np.ndarray]] = [("kinetic", BLUE, kinetic)]
     if rotation.max() > 1e-12 * scale:
         layers = [("translation", BLUE, kinetic), ("rotation", PURPLE, rotation)]
+    pistons = table["piston_energy"] if "piston_energy" in table else np.zeros_like(t)
+    if pistons.max() > 1e-12 * scale:
+        layers.append(("pistons", GREEN, pistons))
     springs = table["spring_energy"] if "spring_energy" in table else np.zeros_like(t)
     gravity = potential - springs
     shift = min(0.0, float(gravity.min()))
@@ -67,7 +70,7 @@ def draw(file: Recording) -> Figure:
     shown = t > 0 if logarithmic else np.full(len(t), True)
     top.stackplot(t[shown], *[v[shown] for _, _, v in layers], colors=[c for _, c, _ in layers], lw=0, alpha=0.85,
                   labels=[n for n, _, _ in layers])  # fmt: skip
-    supply = kinetic[0] + rotation[0] + potential[0] - shift + work
+    supply = kinetic[0] + rotation[0] + pistons[0] + potential[0] - shift + work
     given = [label for name, (label, sign) in balance(file).items() if name in terms and sign > 0 and since[name].any()]
     first = r"initial energy $E_0$" if t[0] == 0 else f"energy $E_0$ at $t$ = {number(float(t[0]))}"
     supplied = " + ".join([r"$E_0$" if t[0] == 0 else first, *given]) if given else first

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..files import pistons
 from ..files.extent import Extent
 from ..files.layout import Array
 from ..files.mesh import MeshFault
@@ -82,7 +83,7 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
         order = _order(wall, d)
         if order == 2 and not planes:
             continue
-        shift = displacement(wall, start) if end is None else np.array(mean_displacement(wall, start))
+        shift = displacement(file, wall, start) if end is None else np.array(mean_displacement(wall, start))
         try:
             shape = build(wall, d, grown, shift, file.path.parent)
         except MeshFault as fault:
@@ -104,9 +105,11 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
     return Scenery([found[k] for k in sorted(found)], grown, missing)
 
 
-def displacement(wall: dict[str, Any], time: float) -> Array:
+def displacement(file: Recording, wall: dict[str, Any], time: float) -> Array:
     """``[3]`` how far a wall is at a time from where its shape has it [length]."""
     moved = np.array(mean_displacement(wall, time))
+    if "mass" in wall and (path := pistons.path(file, wall)) is not None:
+        return path.at(time) * unit(wall["plane"]["normal"])
     if (motion := wall.get("motion")) is None:
         return moved
     sine = math.sin(2 * math.pi * motion["frequency"] * time + motion.get("phase", 0.0))

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .scene import pistons
+
 if TYPE_CHECKING:
     from .box import Box
     from .frames import Frames
@@ -53,6 +55,12 @@ def extent(frames: Frames) -> Extent:
             radius = frame.radius[:, None]
             low[~bounded] = np.minimum(low, (frame.position - radius).min(axis=0, initial=np.inf))[~bounded]
             high[~bounded] = np.maximum(high, (frame.position + radius).max(axis=0, initial=-np.inf))[~bounded]
+        # A piston across an open axis is an end of the region along it.
+        for position, wall in zip(frames.array("piston_position").swapaxes(0, 1), pistons(file.scene)):
+            normal = np.abs(np.array([*map(float, wall["plane"]["normal"]), 0.0][:3]))
+            across = ~bounded & reach & (normal > 0.999 * np.linalg.norm(normal))
+            low[across] = np.minimum(low, position.min(axis=0, initial=np.inf))[across]
+            high[across] = np.maximum(high, position.max(axis=0, initial=-np.inf))[across]
         # No frame has a particle.
         empty = ~bounded & ~(low < high)
         low[empty], high[empty] = 0.0, box.size[empty]

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Frame", "Frames"]
 
+_PISTONS = {"piston_position": "position", "piston_velocity": "velocity"}
+"""What frames have of each piston, and where it is in the file."""
 _VECTORS = {"position": "f", "velocity": "f", "image": "iu", "angular_velocity": "f"}
 """What has a vector for each particle in a frame, and what NumPy calls the kind of its components."""
 
@@ -132,6 +134,16 @@ class Frame(ReadOnly):
         """``[N, 3]`` how often each particle has left through the periodic faces (upper +1, lower −1)."""
         return self._read("image")
 
+    @cached_property
+    def piston_position(self) -> NDArray[np.float64]:
+        """``[P, 3]`` a point of each piston [length], in the order of :attr:`File.pistons`."""
+        return self._frames._of_pistons("piston_position", range(self._row, self._row + 1))[0]
+
+    @cached_property
+    def piston_velocity(self) -> NDArray[np.float64]:
+        """``[P, 3]`` velocity of each piston [length/time]."""
+        return self._frames._of_pistons("piston_velocity", range(self._row, self._row + 1))[0]
+
     @property
     def unwrapped(self) -> NDArray[np.float64]:
         """``[N, 3]`` positions that do not jump at periodic faces, position + Σ image · edge vector [length]."""
@@ -232,13 +244,18 @@ class Frames(ReadOnly, Sequence["Frame"]):
         self._present: Column | None = None
         if stored.find(f"{base}/present") is not None:
             self._present = stored.column(f"{base}/present/value", (None, len(file)), "iu")
+        self._pistons: dict[str, Column] = {}
+        if file.pistons:
+            for name, place in _PISTONS.items():
+                self._pistons[name] = stored.column(f"{base}/pistons/{place}/value", (None, len(file.pistons), 3), "f")
         self._edges: Column | None = None
         if file.shear is not None or file.compression is not None:
             shape = (None, 3) if file.shear is None else (None, 3, 3)
             self._edges = stored.column(f"{base}/box/edges/value", shape, "f")
         if rows is None:
             moving = [column for column in (self._edges, self._present) if column is not None]
-            length = min(map(len, (self._time, self._step, *moving, *self._columns.values())))
+            columns = (*moving, *self._columns.values(), *self._pistons.values())
+            length = min(map(len, (self._time, self._step, *columns)))
             rows = range(complete(self._time, length))
         self._rows = rows
         self._made = True
@@ -285,6 +302,14 @@ class Frames(ReadOnly, Sequence["Frame"]):
             )
         return values
 
+    def _of_pistons(self, name: str, rows: range) -> Array:
+        """``[F, P, 3]`` of some frames, checked."""
+        if name not in self._pistons:
+            return np.zeros((len(rows), 0, 3))
+        values = _take(self._pistons[name], rows)
+        self._pistons[name].require_finite(values, rows)
+        return values
+
     def _boxes(self, rows: range) -> list[Box]:
         """The boxes of some frames."""
         if self._edges is None:
@@ -320,8 +345,10 @@ class Frames(ReadOnly, Sequence["Frame"]):
         """All frames of one quantity at once, ``[F, N, 3]``; NaN for particles that are not there.
 
         ``name`` is ``"position"``, ``"velocity"``, ``"image"``, ``"unwrapped"`` or, if the scene has spin,
-        ``"angular_velocity"``.
+        ``"angular_velocity"``. ``"piston_position"`` and ``"piston_velocity"`` are ``[F, P, 3]``.
         """
+        if isinstance(name, str) and name in _PISTONS:
+            return self._of_pistons(name, self._rows)
         if isinstance(name, str) and name == "unwrapped":
             position, image = np.asarray(self.array("position"), float), self.array("image")
             if self._edges is None:
@@ -329,7 +356,7 @@ class Frames(ReadOnly, Sequence["Frame"]):
             for k, box in enumerate(self._boxes(self._rows)):
                 position[k] = box.unwrap(position[k], image[k])
             return position
-        return self._values(arguments.choice("name", name, (*_VECTORS, "unwrapped")), self._rows)
+        return self._values(arguments.choice("name", name, (*_VECTORS, "unwrapped", *_PISTONS)), self._rows)
 
     def __len__(self) -> int:
         return len(self._rows)

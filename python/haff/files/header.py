@@ -151,6 +151,19 @@ class Header(ReadOnly):
         return self.stored.texts("parameters/wall_names") or []
 
     @cached_property
+    def pistons(self) -> list[str]:
+        """Names of the walls that are pistons, in the order of :attr:`Frame.piston_position`."""
+        place = "parameters/pistons"
+        if self.stored.find(place) is None:
+            return []
+        column = self.stored.column(place, (None,), "iu")
+        if len(column) > len(self.wall_names):
+            raise FileError(f"{self.path}: {place} has {len(column)} walls of {len(self.wall_names)}")
+        rows = column[:]
+        column.require(rows, rows < len(self.wall_names), f"in [0, {len(self.wall_names)})")
+        return [self.wall_names[row] for row in rows]
+
+    @cached_property
     def species_names(self) -> list[str]:
         """Names by species index: species in scene order, then named particles."""
         count = int(np.max(self.species, initial=-1)) + 1

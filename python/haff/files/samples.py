@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
     from .header import Header
 
-_TAKEN = ("time", "step", "axis", "species")
+_TAKEN = ("time", "step", "axis", "species", "piston")
 _COUNTS = ("collisions", "wall_collisions")
 # Terms of the balance of energies in files that do not describe them: label, and sign of the energy for the particles.
 _TERMS = {"wall_work": ("work of walls", 1.0), "rest_energy": ("taken by rest", -1.0)}
 # Other observables may be NaN: rates and pressure at the start, a temperature where nothing moves.
 ENERGIES = (
-    "kinetic_energy rotational_energy potential_energy gravity_energy spring_energy dissipated_energy carnot_energy"
+    "kinetic_energy rotational_energy piston_energy potential_energy gravity_energy spring_energy "
+    "dissipated_energy carnot_energy"
 ).split()
 _WIDEST = 16
 """Components of an observable that is neither a vector nor one number a species."""
@@ -64,6 +65,8 @@ def columns(file: Header) -> tuple[Column, Column, dict[str, Column]]:
     stored, found = file.stored, {}
     wide = {3, len(file.species_names), len(file.wall_names), *range(1, _WIDEST + 1)}
     matrices = {(file.dimension, file.dimension), (len(file.wall_names), 3)}
+    if file.pistons:
+        matrices.add((len(file.pistons), 3))
     clock: tuple[Column, Column] | None = None
     for name in names(file):
         place = f"observables/{name}"
@@ -156,7 +159,7 @@ def dataset(file: Header) -> xarray.Dataset:
     for name, value in values.items():
         labels = _labels(file, name, value.shape[1:])
         dims = [_dimension(file, name, found) for found in labels]
-        if len(labels) == 2 and labels[0] is not file.wall_names:
+        if len(labels) == 2 and not any(labels[0] is known for _, known in _named(file)):
             dims = ["row", "column"]
         coords |= zip(dims, labels)
         unit = file.stored.attribute(f"observables/{name}", "unit")
@@ -170,7 +173,7 @@ def _labels(file: Header, name: str, shape: tuple[int, ...]) -> list[list[str]]:
     labels = []
     for axis, width in enumerate(shape):
         # Two species or walls of the same name would share a column.
-        for prefix, known in (("species_", file.species_names), ("wall_", file.wall_names)):
+        for prefix, known in _named(file):
             if axis == 0 and name.startswith(prefix) and width == len(known) == len(set(known)):
                 labels.append(known)
                 break
@@ -180,11 +183,18 @@ def _labels(file: Header, name: str, shape: tuple[int, ...]) -> list[list[str]]:
     return labels
 
 
+def _named(file: Header) -> tuple[tuple[str, list[str]], ...]:
+    """How names of observables begin that have a value for each species, wall or piston, and the names of these."""
+    return ("species_", file.species_names), ("wall_", file.wall_names), ("piston_", file.pistons)
+
+
 def _dimension(file: Header, name: str, labels: list[str]) -> str:
     if labels is file.species_names:
         return "species"
     if labels is file.wall_names:
         return "wall"
+    if labels is file.pistons:
+        return "piston"
     return "axis" if len(labels) == 3 else f"{name}_component"
 
 

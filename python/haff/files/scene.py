@@ -27,6 +27,7 @@ __all__ = [
     "mean_point",
     "pair_laws",
     "parsed",
+    "pistons",
     "roughness",
     "shape_of",
     "shaped_walls",
@@ -79,9 +80,15 @@ def shaped_walls(scene: dict[str, Any]) -> list[dict[str, Any]]:
     return [wall for wall in scene.get("wall", ()) if shape_of(wall) is not None]
 
 
+def pistons(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """The walls of finite mass, in the order of the file."""
+    return [wall for wall in shaped_walls(scene) if "mass" in wall]
+
+
 def mean_displacement(wall: dict[str, Any], time: float) -> list[float]:
     """``[3]`` how far a wall is at a time from where its shape has it [length]; without an oscillation."""
-    since = time - float(wall.get("reference_time", 0.0))
+    # What moves a piston is in the frames.
+    since = 0.0 if "mass" in wall else time - float(wall.get("reference_time", 0.0))
     offset, velocity = ([*map(float, wall.get(key, ())), 0.0, 0.0, 0.0][:3] for key in ("offset", "velocity"))
     return [x + v * since for x, v in zip(offset, velocity)]
 

@@ -30,6 +30,7 @@ def find(file: File) -> dict[str, Any] | None:
         for label, name in (
             ("kinetic", "kinetic_energy"),
             ("rotational", "rotational_energy"),
+            ("pistons", "piston_energy"),
             ("potential", "potential_energy"),
             ("dissipated", "dissipated_energy"),
             *((label, name) for name, (label, _) in balance(file).items()),

@@ -155,9 +155,25 @@ function shift(motion, time) {
   return motion.amplitude * (motion.kind === "sine" ? sine : (2 / Math.PI) * Math.asin(sine));
 }
 
+// The displacement of a piston along its normal: flights of constant acceleration from knot to knot.
+function pushed({ time: times, at, speed }, time) {
+  let [low, high] = [0, times.length - 1];
+  if (time <= times[0]) return at[0];
+  if (time >= times[high]) return at[high];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle;
+    else high = middle;
+  }
+  const [step, since] = [times[high] - times[low], time - times[low]];
+  const bend = at[high] - at[low] - speed[low] * step;
+  return at[low] + speed[low] * since + bend * (since / step) ** 2;
+}
+
 // The way of a wall from its point until a time.
 function moved(wall, time) {
-  const along = ((wall.displacement || 0) + (wall.motion ? shift(wall.motion, time) : 0)) / Math.hypot(...wall.normal);
+  const own = wall.piston ? pushed(wall.piston, time) : wall.motion ? shift(wall.motion, time) : 0;
+  const along = ((wall.displacement || 0) + own) / Math.hypot(...wall.normal);
   return wall.velocity.map((value, k) => value * (time - (wall.since || 0)) + wall.normal[k] * along);
 }
 
@@ -260,7 +276,7 @@ class Surroundings {
         if (wall.rotation) this.turn(found, wall, theme);
       }
       this.parts.push(part);
-      const moves = wall.motion || wall.displacement || wall.velocity.some((value) => value);
+      const moves = wall.motion || wall.piston || wall.displacement || wall.velocity.some((value) => value);
       if (moves) this.moving.push([part, wall]);
     }
     for (const shape of this.shapes) {

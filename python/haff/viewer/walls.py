@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..figures.shapes import Shape
+from ..files import pistons
 from ..files.layout import Array
 from ..files.scene import mean_point, shape_of, shaped_walls
 from ..reader import File
@@ -27,23 +28,40 @@ def of_box(file: File, key: str) -> dict[str, Any]:
 
 
 def planes(file: File, start: float) -> list[dict[str, Any]]:
-    """The planes without end; ``point`` is where they are at ``start``, the time of the first frame."""
+    """The planes without end; ``point`` is where they are at ``start``, the time of the first frame.
+
+    That of a piston is in the middle of its way, which is in the region that is drawn.
+    """
+    ways = [pistons.path(file, wall) for wall in shaped_walls(file.scene)]
+    middle = [0.0 if way is None else float(way.displacement.max() + way.displacement.min()) / 2 for way in ways]
     return [
         {
             "name": escaped(wall.get("name", "")),
-            "point": mean_point(wall, start),
+            "point": (np.array(mean_point(wall, start)) + along * _unit(wall)).tolist(),
             "since": start,
             "normal": vector(wall["plane"].get("normal", ())),
-            "velocity": vector(wall.get("velocity", ())),
+            "velocity": vector(() if "mass" in wall else wall.get("velocity", ())),
             "motion": wall.get("motion"),
+            "piston": None if way is None else _knots(way, along),
             "rotation": wall.get("rotation"),
             "passes": bool(wall.get("passes")),
             "partition": "hole" in wall["plane"] or bool(wall["plane"].get("two-sided")),
             "hole": _hole(wall["plane"].get("hole")),
         }
-        for wall in shaped_walls(file.scene)
+        for wall, way, along in zip(shaped_walls(file.scene), ways, middle)
         if shape_of(wall) == "plane"
     ]
+
+
+def _unit(wall: dict[str, Any]) -> Array:
+    """``[3]`` the normal of a plane."""
+    normal = np.array(vector(wall["plane"].get("normal", ())))
+    return normal / (np.linalg.norm(normal) or 1.0)
+
+
+def _knots(way: pistons.Path, middle: float) -> dict[str, Any]:
+    """The path of a piston along its normal: times, displacements from ``middle`` and speeds of its knots."""
+    return {"time": way.time.tolist(), "at": (way.displacement - middle).tolist(), "speed": way.speed.tolist()}
 
 
 def _hole(hole: dict[str, Any] | None) -> dict[str, Any] | None:

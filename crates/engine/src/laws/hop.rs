@@ -1,7 +1,7 @@
 /*!
 The end of series of bounces on surfaces where they cannot be completed in closed form: curved ones (fixed and
-driven bodies, partitions), walls of constant velocity, and walls that are not perpendicular to the one that
-carries a grain.
+driven bodies, partitions), walls of constant velocity, pistons, and walls that are not perpendicular to the
+one that carries a grain.
 
 With e < 1 the speeds of the bounces of a grain that is pressed against a surface fall geometrically, to
 nothing within a finite time. Below the speed h √(a R), with the acceleration a towards the surface and the
@@ -34,7 +34,7 @@ pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64)
     let completes = match plane.motion {
         _ if plane.shape.is_some() => false,
         WallMotion::Fixed => world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall)),
-        WallMotion::Constant(_) | WallMotion::Rotating(_) => false,
+        WallMotion::Constant(_) | WallMotion::Rotating(_) | WallMotion::Piston(_) => false,
         WallMotion::Oscillating(_) => carried::can_start(world, i, wall),
     };
     if completes {

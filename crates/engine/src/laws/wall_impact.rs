@@ -91,6 +91,12 @@ pub(crate) fn collide_with_wall<F: Features>(
         }
     };
     check_velocity(world, i, outcome.velocity(), time)?;
+    if F::PISTONS
+        && let WallOutcome::Bounce(bounce) = &outcome
+        && let Some(piston) = world.piston(wall)
+    {
+        check_velocity(world, i, wall_velocity + n * (bounce.impact.impulse / piston.mass), time)?;
+    }
     Ok((contact, outcome))
 }
 
@@ -137,8 +143,10 @@ fn bounce<F: Features>(
     let &WallContact { i, wall, time, velocity, n, wall_velocity, .. } = contact;
     let class = world.class(i);
     let speed = haff_mechanics::approach_speed(velocity, wall_velocity, n);
+    let of_wall = if F::PISTONS { world.inverse_wall_mass(wall) } else { 0.0 };
+    let inverse_masses = [class.inverse_mass, of_wall];
     let (mass, radius) = (class.mass, class.radius);
-    let reduced = move || [mass, radius];
+    let reduced = move || [haff_mechanics::reduced_mass(mass, of_wall.recip()), radius];
     let e = coefficient::<F>(world, law, speed, time, [i, i], [class.inverse_mass; 2], reduced);
     let mut repeated = false;
     // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
@@ -148,14 +156,14 @@ fn bounce<F: Features>(
         repeated = resting::is_repeated_wall_contact(world, i, wall, speed, acceleration, time);
         let separation =
             if repeated { resting::separation_speed(world, e, speed, acceleration, true) } else { e * speed };
-        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
+        impact_with_separation([velocity, wall_velocity], inverse_masses, n, e, speed, separation)
     } else if F::GRAVITY
         && let Some(acceleration) = hop::acceleration_to_wall(world, i, wall, time)
     {
         let separation = hop::separation_speed(e, speed, acceleration, class.radius);
-        impact_with_separation([velocity, wall_velocity], [class.inverse_mass, 0.0], n, e, speed, separation)
+        impact_with_separation([velocity, wall_velocity], inverse_masses, n, e, speed, separation)
     } else {
-        resolve_contact(velocity, wall_velocity, class.inverse_mass, 0.0, n, e)
+        resolve_contact(velocity, wall_velocity, class.inverse_mass, of_wall, n, e)
     };
     let after = if !F::ELASTIC && world.spin.is_some() {
         rough::wall_velocity::<F>(world, (i, wall, time), after, impact.impulse, rough)
@@ -230,7 +238,11 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let world = &mut state.world;
     let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
-    world.particles[i as usize].set_anchor(position, after, time);
+    // A fixed or driven body that a piston strikes: nothing changes its flight.
+    let is_struck = F::PISTONS && class.inverse_mass == 0.0;
+    if !is_struck {
+        world.particles[i as usize].set_anchor(position, after, time);
+    }
     if !F::ELASTIC {
         world.note_contact(i, time);
     }
@@ -242,14 +254,23 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
     add_impact::<F>(accumulators, now, 0.0, &impact);
-    accumulators.add_impulse(n * -impact.impulse);
+    if !is_struck {
+        accumulators.add_impulse(n * -impact.impulse);
+    }
     world.add_from_wall(wall, n * -impact.impulse, -impact.energy_loss);
-    if wall_velocity != DVec3::ZERO {
+    if F::PISTONS && world.is_piston(wall) {
+        // Its energy is part of the balance: only that of a driven body is from outside.
+        world.push_piston(wall, n * impact.impulse, time);
+        if is_struck && velocity != DVec3::ZERO {
+            accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, -n, velocity));
+        }
+    } else if wall_velocity != DVec3::ZERO {
         accumulators.add_energy(Term::WallWork, now, work_of_moving_body(impact.impulse, n, wall_velocity));
     }
     if EVENTS {
         let changes = [VelocityChange { i, mass: class.mass, before: velocity, after }];
-        observer.exchange(&Exchange { time: now, changes: &changes, partner: Partner::Wall(wall) });
+        let changes = if is_struck { &[] } else { &changes[..] };
+        observer.exchange(&Exchange { time: now, changes, partner: Partner::Wall(wall) });
         let contact_point = world.wrap(position + n * class.radius, time).0;
         let mut row = row(now, EventKind::Wall, [i, wall], &impact, n, contact_point);
         if let Some(tangential) = &tangential {
@@ -265,7 +286,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
             let rest = match state.world.boundary.walls[wall as usize].motion {
                 WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
                 WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
-                WallMotion::Constant(_) | WallMotion::Rotating(_) => None,
+                WallMotion::Constant(_) | WallMotion::Rotating(_) | WallMotion::Piston(_) => None,
             };
             if let Some(rest) = rest {
                 state.pending.insert(i, rest);

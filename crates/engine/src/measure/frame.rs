@@ -39,6 +39,7 @@ pub(crate) fn frame(state: &State, time: f64) -> Frame {
             Vec::new()
         },
         present: Vec::new(),
+        pistons: world.states_of_pistons(),
     };
     let Frame { position, velocity, image, .. } = &mut frame;
     (position, velocity, image).into_par_iter().enumerate().with_min_len(BLOCK).for_each(
@@ -65,6 +66,7 @@ fn whole(frame: &Frame, ids: &[u32], all: usize, has_spins: bool) -> Frame {
         image: spread(ids, &frame.image, vec![[0; 3]; all]),
         angular_velocity: spread(ids, &frame.angular_velocity, vec![DVec3::NAN; spins]),
         present: spread(ids, &vec![true; ids.len()], vec![false; all]),
+        pistons: frame.pistons.clone(),
     }
 }
 

@@ -101,6 +101,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     let periodic = world.boundary.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
     let impulse = accumulators.impulse() + totals.carried.1;
+    let pistons = world.states_of_pistons();
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let mut sample = Sample {
         time,
@@ -113,6 +114,8 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         stress: None,
         wall_force: Vec::new(),
         wall_heat_flow: Vec::new(),
+        piston_position: pistons.iter().map(|[position, _]| *position).collect(),
+        piston_velocity: pistons.iter().map(|[_, velocity]| *velocity).collect(),
         probes: Vec::new(),
         step: accumulators.counters.collisions + accumulators.counters.wall_collisions,
         ledger,

@@ -18,6 +18,8 @@ pub(crate) struct Totals {
     /// Energy and angular momentum of rotations.
     pub rotational: f64,
     pub spin: DVec3,
+    /// Kinetic energy of pistons, and the work of their loads and weights from their given positions on.
+    pub pistons: (f64, f64),
     pub potential: f64,
     pub momentum: DVec3,
     /// Angular momentum about the origin, from unwrapped positions.
@@ -46,6 +48,7 @@ impl Totals {
             kinetic,
             rotational,
             spin,
+            pistons: world.energies_of_pistons(),
             potential,
             momentum: DVec3::new(px, py, pz),
             angular_momentum: DVec3::new(hx, hy, hz),
@@ -53,9 +56,9 @@ impl Totals {
         }
     }
 
-    /// Kinetic energy of translation and rotation.
+    /// Kinetic energy of translation and rotation, and of pistons.
     pub fn all_kinetic(&self) -> f64 {
-        self.kinetic + self.rotational
+        self.kinetic + self.rotational + self.pistons.0
     }
 
     /// The velocity that temperatures and pressures are relative to ([`crate::state::center`]).
@@ -75,18 +78,28 @@ pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
     let dissipated = accumulators.dissipated() + world.friction_loss();
     let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
+    terms[Term::LoadWork as usize] += totals.pistons.1;
     if let Some((term, work)) = world.pending_flow_work() {
         terms[term as usize] += work;
     }
     let supplied = Term::ALL.map(|term| -term.sign() * terms[term as usize]);
-    let energies =
-        [totals.kinetic, totals.rotational, totals.potential, -kinetic, -potential, dissipated, bounces];
+    let energies = [
+        totals.kinetic,
+        totals.rotational,
+        totals.pistons.0,
+        totals.potential,
+        -kinetic,
+        -potential,
+        dissipated,
+        bounces,
+    ];
     let energies = || energies.into_iter().chain(supplied);
     let scale = energies().fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
     let balance: Sum = energies().collect();
     Ledger {
         kinetic: totals.kinetic,
         rotational: totals.rotational,
+        pistons: totals.pistons.0,
         potential: totals.potential,
         spring: 0.0,
         dissipated,

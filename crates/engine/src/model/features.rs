@@ -17,6 +17,8 @@ pub(crate) trait Features: Send + Sync + 'static {
     const ELASTIC: bool;
     /// The box deforms: its images move. Never with `GRAVITY`.
     const DEFORMS: bool;
+    /// There are pistons. Only with `GRAVITY`: their flights are accelerated.
+    const PISTONS: bool;
 }
 
 /// The combination of these features.
@@ -26,16 +28,24 @@ pub(crate) struct With<
     const REST: bool = false,
     const ELASTIC: bool = false,
     const DEFORMS: bool = false,
+    const PISTONS: bool = false,
 >;
 
-impl<const GRAVITY: bool, const UNIFORM: bool, const REST: bool, const ELASTIC: bool, const DEFORMS: bool>
-    Features for With<GRAVITY, UNIFORM, REST, ELASTIC, DEFORMS>
+impl<
+    const GRAVITY: bool,
+    const UNIFORM: bool,
+    const REST: bool,
+    const ELASTIC: bool,
+    const DEFORMS: bool,
+    const PISTONS: bool,
+> Features for With<GRAVITY, UNIFORM, REST, ELASTIC, DEFORMS, PISTONS>
 {
     const GRAVITY: bool = GRAVITY;
     const UNIFORM: bool = UNIFORM;
     const REST: bool = REST;
     const ELASTIC: bool = ELASTIC;
     const DEFORMS: bool = DEFORMS;
+    const PISTONS: bool = PISTONS;
 }
 
 /// Any particles, without gravity.
@@ -44,6 +54,8 @@ pub(crate) type Polydisperse = With<false, false>;
 pub(crate) type FallingPolydisperse = With<true, false>;
 /// Any grains under gravity that can be put to rest.
 pub(crate) type Settling = With<true, false, true>;
+/// Any particles between or beside pistons.
+pub(crate) type Pressed = With<true, false, false, false, false, true>;
 /// Any particles in a box that deforms.
 pub(crate) type DeformingPolydisperse = With<false, false, false, false, true>;
 #[cfg(not(test))]

@@ -10,6 +10,7 @@ use crate::model::{
     drive::Drive,
     flow::Flow,
     measure::Measure,
+    piston::Piston,
     shear::Shear,
     spin::Spin,
     wall_law::WallLaw,
@@ -155,6 +156,14 @@ impl Wall {
         }
     }
 
+    /// The motion of a wall of finite mass.
+    pub(crate) fn piston(&self) -> Option<&Piston> {
+        match &self.motion {
+            WallMotion::Piston(piston) => Some(piston),
+            _ => None,
+        }
+    }
+
     /// Signed distance of a position from the wall at a time \[length\]; of a partition, and of a surface
     /// with particles on both sides, without sign.
     #[must_use]
@@ -162,9 +171,14 @@ impl Wall {
         let moved = || self.point + self.motion.displacement(self.normal, at);
         match &self.shape {
             None => (position - moved()).dot(self.normal),
-            Some(Shape::Partition(partition)) => partition.distance(position),
+            Some(Shape::Partition(partition)) => partition.distance(position - self.shift(at)),
             Some(Shape::Named(named)) => named.get().distance(position - moved()),
         }
+    }
+
+    /// Displacement of a partition from its given position at a time: that of a piston \[length\].
+    fn shift(&self, at: impl WallTime) -> DVec3 {
+        self.piston().map_or(DVec3::ZERO, |piston| self.normal * piston.at(at.instant()).0)
     }
 
     /// Unit normal of the wall at the point that is the nearest to a position at a time: the gradient of the
@@ -173,7 +187,7 @@ impl Wall {
     pub fn normal_at(&self, position: DVec3, at: impl WallTime) -> DVec3 {
         match &self.shape {
             None => self.normal,
-            Some(Shape::Partition(partition)) => Surface::normal(partition, position),
+            Some(Shape::Partition(partition)) => Surface::normal(partition, position - self.shift(at)),
             Some(Shape::Named(named)) => {
                 let moved = self.point + self.motion.displacement(self.normal, at);
                 named.get().normal(position - moved)
@@ -247,6 +261,17 @@ pub struct System {
 }
 
 impl System {
+    /// The walls that are pistons, by their indices.
+    pub fn pistons(&self) -> impl Iterator<Item = (usize, &Piston)> {
+        self.walls.iter().enumerate().filter_map(|(index, wall)| Some((index, wall.piston()?)))
+    }
+
+    /// Number of walls that are pistons.
+    #[must_use]
+    pub fn piston_count(&self) -> usize {
+        self.pistons().count()
+    }
+
     /// The bodies that are there at the start: all, unless others come in by inlets.
     #[must_use]
     pub fn bodies_at_start(&self) -> &[Body] {

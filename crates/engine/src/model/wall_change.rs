@@ -47,7 +47,8 @@ impl Wall {
             (WallMotion::Constant(old), WallMotion::Constant(new)) if old.velocity == new.velocity => {
                 return self.clone();
             }
-            (WallMotion::Fixed, WallMotion::Fixed) => return self.clone(),
+            // No wall becomes a piston on the way.
+            (WallMotion::Fixed, WallMotion::Fixed) | (_, WallMotion::Piston(_)) => return self.clone(),
             (_, WallMotion::Constant(new)) => {
                 let velocity = new.velocity;
                 // Where the wall moves within its plane, its position does not depend on the time.

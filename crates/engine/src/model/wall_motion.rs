@@ -6,7 +6,10 @@
 use glam::DVec3;
 use haff_mechanics::{Oscillation, Waveform, time_to_plane};
 
-use crate::numerics::{clock::Clock, instant::Instant};
+use crate::{
+    model::piston::Piston,
+    numerics::{clock::Clock, instant::Instant},
+};
 
 /// The motion of a wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -20,6 +23,8 @@ pub enum WallMotion {
     Oscillating(Oscillating),
     /// Turned in itself: the place of its surface does not change.
     Rotating(Rotation),
+    /// Free to move along the normal, with a finite mass: impacts change its velocity.
+    Piston(Piston),
 }
 
 /// The rotation of a surface of revolution about its axis, or of a plane about a normal.
@@ -149,6 +154,7 @@ impl WallMotion {
             Self::Fixed | Self::Rotating(_) => DVec3::ZERO,
             Self::Constant(motion) => motion.velocity,
             Self::Oscillating(motion) => normal * motion.oscillation.velocity(motion.at(at)),
+            Self::Piston(piston) => normal * piston.at(at.instant()).1,
         }
     }
 
@@ -169,15 +175,17 @@ impl WallMotion {
             Self::Fixed | Self::Rotating(_) => DVec3::ZERO,
             Self::Constant(motion) => motion.displacement(at),
             Self::Oscillating(motion) => normal * motion.oscillation.shift(motion.at(at)),
+            Self::Piston(piston) => normal * piston.at(at.instant()).0,
         }
     }
 
-    /// Largest speed [length/time], without that of a rotation.
+    /// Largest speed [length/time], without that of a rotation; of a piston, that at the start of its flight.
     pub fn max_speed(&self) -> f64 {
         match self {
             Self::Fixed | Self::Rotating(_) => 0.0,
             Self::Constant(motion) => motion.velocity.length(),
             Self::Oscillating(motion) => motion.oscillation.max_speed(),
+            Self::Piston(piston) => piston.speed.abs(),
         }
     }
 
@@ -186,6 +194,7 @@ impl WallMotion {
         match self {
             Self::Fixed | Self::Constant(_) | Self::Rotating(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.acceleration(motion.at(at)),
+            Self::Piston(piston) => piston.acceleration,
         }
     }
 
@@ -194,13 +203,14 @@ impl WallMotion {
         match self {
             Self::Fixed | Self::Constant(_) | Self::Rotating(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.max_acceleration(),
+            Self::Piston(piston) => piston.acceleration.abs(),
         }
     }
 
     /// Time from `at` until the velocity next jumps \[time\]; infinite if it never does.
     pub(crate) fn time_to_jump(&self, at: impl WallTime) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => f64::INFINITY,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) => f64::INFINITY,
             Self::Oscillating(motion) => motion.oscillation.time_to_corner(motion.at(at)),
         }
     }
@@ -208,7 +218,7 @@ impl WallMotion {
     /// Duration of a cycle \[time\]; infinite without one.
     pub(crate) fn period(&self) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => f64::INFINITY,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) => f64::INFINITY,
             Self::Oscillating(motion) => 1.0 / motion.oscillation.frequency,
         }
     }
@@ -223,7 +233,7 @@ impl WallMotion {
     /// normal is `acceleration` [length/time²]; `None` if it never is.
     pub(crate) fn time_to_release(&self, acceleration: f64, at: impl WallTime) -> Option<f64> {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => None,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) => None,
             Self::Oscillating(motion) => motion.oscillation.time_to_release(acceleration, motion.at(at)),
         }
     }
@@ -242,7 +252,7 @@ impl WallMotion {
     pub(crate) fn reference_time(&self) -> f64 {
         match self {
             Self::Constant(motion) => motion.reference_time,
-            Self::Fixed | Self::Oscillating(_) | Self::Rotating(_) => 0.0,
+            Self::Fixed | Self::Oscillating(_) | Self::Rotating(_) | Self::Piston(_) => 0.0,
         }
     }
 
@@ -253,6 +263,7 @@ impl WallMotion {
             Self::Fixed | Self::Rotating(_) => (0.0, 0.0),
             Self::Constant(motion) => (motion.velocity.dot(normal), 0.0),
             Self::Oscillating(motion) => (0.0, motion.oscillation.amplitude),
+            Self::Piston(_) => (0.0, f64::INFINITY),
         }
     }
 
@@ -262,7 +273,8 @@ impl WallMotion {
         if speed == 0.0 { amplitude } else { f64::INFINITY }
     }
 
-    /// Time from `at` until a body touches the wall; `None` if it never does.
+    /// Time from `at` until a body touches the wall; `None` if it never does. Contacts with pistons are
+    /// predicted by `search/pistons.rs`, since they depend on the impacts of all particles.
     #[inline]
     pub(crate) fn time_to_contact(&self, approach: &Approach, at: impl WallTime) -> Option<f64> {
         match self {
@@ -276,6 +288,7 @@ impl WallMotion {
                 approach.acceleration,
                 motion.at(at),
             ),
+            Self::Piston(_) => None,
         }
     }
 }

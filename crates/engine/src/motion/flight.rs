@@ -11,7 +11,7 @@ use crate::{
 impl World {
     /// Whether particles have no acceleration in their flights.
     pub fn flies_straight(&self) -> bool {
-        self.gravity == DVec3::ZERO && !self.boundary.carries
+        self.gravity == DVec3::ZERO && !self.boundary.carries && self.boundary.pistons.is_empty()
     }
 
     /// Acceleration of a particle in its flight [length/time²], without that of a wall that carries it.

@@ -26,6 +26,7 @@ pub(crate) mod flow_work;
 pub(crate) mod friction;
 pub(crate) mod images;
 pub(crate) mod pair_flight;
+pub(crate) mod pistons;
 pub(crate) mod rotation;
 pub(crate) mod scale;
 pub(crate) mod support;

@@ -38,9 +38,12 @@ impl World {
         let fastest = (0..self.particles.len() as u32)
             .map(|i| self.state(i, self.now).1.length_squared())
             .chain(self.boundary.walls.iter().map(|wall| wall.motion.max_speed().powi(2)))
+            .chain(self.states_of_pistons().into_iter().map(|[_, velocity]| velocity.length_squared()))
             .chain(self.boundary.deformation.iter().map(|images| images.fastest().powi(2)))
             .fold(0.0, f64::max);
-        let present = (fastest + 2.0 * self.gravity.length() * extent).sqrt();
+        let pistons = self.pistons().map(|(_, piston)| piston.acceleration.abs());
+        let strongest = pistons.fold(self.gravity.length(), f64::max);
+        let present = (fastest + 2.0 * strongest * extent).sqrt();
         // What is given soon, if the present speeds are much lower: the tick is chosen for a whole epoch.
         if self.resolution.given_speed > GIVEN_RATIO * present {
             self.resolution.given_speed

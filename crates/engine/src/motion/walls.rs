@@ -86,6 +86,8 @@ impl World {
         let horizon = ((self.now - anchor.time).max(0) as f64 + HORIZON) * self.clock.tick;
         let within = within.min(horizon);
         let flight = match shape {
+            // No search for partners predicts contacts with pistons (`search/pistons.rs`).
+            Shape::Partition(_) if self.is_piston(wall) => return None,
             Shape::Partition(_) => RelativeFlight::new(anchor.position, anchor.velocity, acceleration),
             Shape::Named(_) => self.relative_flight(anchor, acceleration, wall),
         };
@@ -101,7 +103,7 @@ impl World {
         let position = anchor.position - wall.point;
         let mut flight = RelativeFlight::new(position, anchor.velocity, acceleration);
         match &wall.motion {
-            WallMotion::Fixed | WallMotion::Rotating(_) => {}
+            WallMotion::Fixed | WallMotion::Rotating(_) | WallMotion::Piston(_) => {}
             WallMotion::Constant(motion) => {
                 flight.position -= wall.motion.displacement(wall.normal, at);
                 flight.velocity -= motion.velocity;
@@ -115,14 +117,16 @@ impl World {
     }
 
     /// Position and velocity relative to the surface of a wall, in the coordinates of this surface. Those of
-    /// a partition are those of the box.
+    /// a partition are those of the box, less the displacement of a piston.
     fn relative_to(&self, wall: u32, (position, velocity): (DVec3, DVec3), ticks: i64) -> (DVec3, DVec3) {
         let wall = &self.boundary.walls[wall as usize];
-        if wall.surface().is_none() {
-            return (position, velocity);
-        }
         let at = (&self.clock, ticks);
-        let moved = wall.point + wall.motion.displacement(wall.normal, at);
+        let shift = match (wall.surface(), wall.piston()) {
+            (None, None) => return (position, velocity),
+            (None, Some(_)) => DVec3::ZERO,
+            (Some(_), _) => wall.point,
+        };
+        let moved = shift + wall.motion.displacement(wall.normal, at);
         (position - moved, velocity - wall.motion.velocity(wall.normal, at))
     }
 
@@ -162,17 +166,25 @@ impl World {
     pub fn contact_normal(&self, i: u32, wall: u32, state: (DVec3, DVec3), ticks: i64) -> DVec3 {
         match &self.boundary.walls[wall as usize].shape {
             None => self.boundary.walls[wall as usize].normal,
-            Some(Shape::Partition(partition)) => partition.normal(state.0),
-            Some(Shape::Named(_)) => self.surface_normal(i, wall, state, ticks),
+            Some(shape) => self.surface_normal(i, (wall, shape), state, ticks),
         }
     }
 
-    /// [`Self::contact_normal`] of a wall that is neither a half-space nor a partition.
+    /// [`Self::contact_normal`] of a wall that is no half-space.
     #[inline(never)]
-    fn surface_normal(&self, i: u32, wall: u32, state: (DVec3, DVec3), ticks: i64) -> DVec3 {
-        let plane = &self.boundary.walls[wall as usize];
-        let Some(surface) = plane.surface() else { return plane.normal };
+    fn surface_normal(
+        &self,
+        i: u32,
+        (wall, shape): (u32, &Shape),
+        state: (DVec3, DVec3),
+        ticks: i64,
+    ) -> DVec3 {
         let (position, velocity) = self.relative_to(wall, state, ticks);
+        let surface = match shape {
+            Shape::Partition(partition) => return partition.normal(position),
+            Shape::Named(named) => named.get(),
+        };
+        let plane = &self.boundary.walls[wall as usize];
         let radius = self.class(i).radius;
         let coordinates = self.coordinates(i).max(state.0.abs()).max(plane.coordinates()).max_element();
         let slack = allowed_overlap(radius, coordinates + self.resolution.extent);

@@ -1,5 +1,5 @@
-//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms; T with that of rotation,
-//! under shear that of peculiar velocities.
+//! The energy balance, T + V = T₀ + V₀ − Σ ΔT + Σ sign · term, with named terms; T with that of rotation
+//! and of pistons, under shear that of peculiar velocities.
 //!
 //! To add a source or sink of energy, add a [`Term`]. Files, reports and Python take names and signs from
 //! here.
@@ -9,7 +9,7 @@ use crate::{
     numerics::number::significant,
 };
 
-/// A term of the balance, besides T, V and the losses Σ ΔT of impacts.
+/// A term of the balance, besides T, V, the energy of pistons and the losses Σ ΔT of impacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Term {
@@ -21,6 +21,8 @@ pub enum Term {
     DriveWork,
     /// Work of shear on the particles.
     ShearWork,
+    /// Work of the loads and the weights of pistons.
+    LoadWork,
     /// Kinetic energy removed by putting grains to rest.
     Rest,
     /// Energy given by changes of the state from outside.
@@ -33,11 +35,12 @@ pub enum Term {
 
 impl Term {
     /// Every term; the index of a term is its discriminant.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::WallWork,
         Self::WallHeat,
         Self::DriveWork,
         Self::ShearWork,
+        Self::LoadWork,
         Self::Rest,
         Self::Change,
         Self::Inlet,
@@ -51,6 +54,7 @@ impl Term {
             Self::WallHeat => "wall_heat",
             Self::DriveWork => "drive_work",
             Self::ShearWork => "shear_work",
+            Self::LoadWork => "load_work",
             Self::Rest => "rest_energy",
             Self::Change => "change_work",
             Self::Inlet => "inlet_energy",
@@ -65,6 +69,7 @@ impl Term {
             Self::WallHeat => "heat from walls",
             Self::DriveWork => "work of drives",
             Self::ShearWork => "work of shear",
+            Self::LoadWork => "work of loads",
             Self::Rest => "taken by rest",
             Self::Change => "given by changes",
             Self::Inlet => "brought in by inlets",
@@ -72,13 +77,14 @@ impl Term {
         }
     }
 
-    /// 1 if the term is energy given to the particles, −1 if it is energy taken from them.
+    /// 1 if the term is energy given to the particles and pistons, −1 if it is energy taken from them.
     pub fn sign(self) -> f64 {
         match self {
             Self::WallWork
             | Self::WallHeat
             | Self::DriveWork
             | Self::ShearWork
+            | Self::LoadWork
             | Self::Change
             | Self::Inlet => 1.0,
             Self::Rest | Self::Outlet => -1.0,
@@ -93,6 +99,7 @@ impl Term {
             // The work of the flow of a compression, too.
             Self::DriveWork => !system.drives.is_empty() || system.domain.compression.is_some(),
             Self::ShearWork => system.domain.shear.is_some(),
+            Self::LoadWork => system.pistons().next().is_some(),
             Self::Rest => system.contacts.rest_speed > 0.0,
             // No system says whether a run is changed on its way: `SceneFeatures::with_terms` does.
             Self::Change => false,
@@ -125,6 +132,8 @@ pub struct Ledger {
     pub kinetic: f64,
     /// T of rotation; zero without spin [energy].
     pub rotational: f64,
+    /// T of pistons [energy].
+    pub pistons: f64,
     /// V of gravity, zero at the origin, plus that of springs [energy].
     pub potential: f64,
     /// The part of V that is in springs, zero without force [energy]. This engine has no springs: 0.
@@ -146,7 +155,7 @@ impl Ledger {
         self.terms[term as usize]
     }
 
-    /// Energy that all terms together have given to the particles so far [energy].
+    /// Energy that all terms together have given to the particles and pistons so far [energy].
     pub fn supplied(&self) -> f64 {
         Term::ALL.into_iter().map(|term| term.sign() * self.term(term)).sum()
     }

@@ -29,6 +29,8 @@ pub enum Quantity {
     PerWall(fn(&Sample) -> &[f64]),
     /// A vector for each wall.
     VectorPerWall(fn(&Sample) -> &[DVec3]),
+    /// A vector for each piston.
+    VectorPerPiston(fn(&Sample) -> &[DVec3]),
     /// A tensor.
     Tensor(fn(&Sample) -> [f64; 9]),
     /// A term of the energy balance.
@@ -79,6 +81,8 @@ pub struct SceneFeatures {
     pub wall_forces: bool,
     /// Particles come and go.
     pub flow: bool,
+    /// There are pistons.
+    pub pistons: bool,
     /// Which terms of the energy balance exist, indexed by [`Term`].
     pub terms: [bool; Term::ALL.len()],
     /// The columns of probes.
@@ -100,6 +104,7 @@ impl SceneFeatures {
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
             flow: system.flow.is_some(),
+            pistons: system.piston_count() > 0,
             terms: Term::ALL.map(|term| term.exists(system)),
             columns: system.measure.probes.iter().flat_map(|probe| probe.columns()).cloned().collect(),
         }
@@ -128,6 +133,7 @@ impl SceneFeatures {
             stress: true,
             wall_forces: true,
             flow: true,
+            pistons: true,
             terms: [true; Term::ALL.len()],
             columns: Vec::new(),
         }
@@ -138,9 +144,10 @@ const ENERGY: &str = "energy";
 const PRESSURE: &str = "energy/length^d";
 
 /// Rows before the terms of the energy balance.
-const ENERGIES: [Observable; 7] = [
+const ENERGIES: [Observable; 8] = [
     row("kinetic_energy", ENERGY, Quantity::Real(|s| s.ledger.kinetic), always),
     row("rotational_energy", ENERGY, Quantity::Real(|s| s.ledger.rotational), |p| p.spin),
+    row("piston_energy", ENERGY, Quantity::Real(|s| s.ledger.pistons), |p| p.pistons),
     row("potential_energy", ENERGY, Quantity::Real(|s| s.ledger.potential), always),
     row("gravity_energy", ENERGY, Quantity::Real(|s| s.ledger.potential - s.ledger.spring), |p| p.springs),
     row("spring_energy", ENERGY, Quantity::Real(|s| s.ledger.spring), |p| p.springs),
@@ -149,7 +156,7 @@ const ENERGIES: [Observable; 7] = [
 ];
 
 /// Rows after the terms of the energy balance.
-const OTHERS: [Observable; 25] = [
+const OTHERS: [Observable; 27] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
     row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
@@ -169,6 +176,8 @@ const OTHERS: [Observable; 25] = [
     row("pressure_tensor_collisional", PRESSURE, Quantity::Tensor(|s| stress(s).collisional), |p| p.stress),
     row("wall_force", "mass length/time^2", Quantity::VectorPerWall(|s| &s.wall_force), |p| p.wall_forces),
     row("wall_heat_flow", "energy/time", Quantity::PerWall(|s| &s.wall_heat_flow), |p| p.wall_forces),
+    row("piston_position", "length", Quantity::VectorPerPiston(|s| &s.piston_position), |p| p.pistons),
+    row("piston_velocity", "length/time", Quantity::VectorPerPiston(|s| &s.piston_velocity), |p| p.pistons),
     row("momentum", "mass length/time", Quantity::Vector(|s| s.momentum), always),
     row("external_impulse", "mass length/time", Quantity::Vector(|s| s.external_impulse), always),
     row(
@@ -228,6 +237,8 @@ pub struct Sizes {
     pub species: usize,
     /// Number of walls.
     pub walls: usize,
+    /// Number of those that are pistons.
+    pub pistons: usize,
     /// 2 or 3.
     pub dimension: usize,
 }
@@ -235,7 +246,12 @@ pub struct Sizes {
 impl Sizes {
     /// Those of a system.
     pub fn of(system: &System) -> Self {
-        Self { species: system.species.len(), walls: system.walls.len(), dimension: system.dimension.count() }
+        Self {
+            species: system.species.len(),
+            walls: system.walls.len(),
+            pistons: system.piston_count(),
+            dimension: system.dimension.count(),
+        }
     }
 }
 
@@ -253,6 +269,7 @@ impl Quantity {
             Self::PerSpecies(_) => vec![sizes.species],
             Self::PerWall(_) => vec![sizes.walls],
             Self::VectorPerWall(_) => vec![sizes.walls, 3],
+            Self::VectorPerPiston(_) => vec![sizes.pistons, 3],
             Self::Tensor(_) => vec![sizes.dimension; 2],
             Self::Probe { components, .. } => vec![components],
         }
@@ -265,7 +282,7 @@ impl Quantity {
             Self::Count(value) => numbers.push(value(sample) as f64),
             Self::Vector(value) => numbers.extend(value(sample).to_array()),
             Self::PerSpecies(values) | Self::PerWall(values) => numbers.extend(values(sample)),
-            Self::VectorPerWall(values) => {
+            Self::VectorPerWall(values) | Self::VectorPerPiston(values) => {
                 numbers.extend(values(sample).iter().flat_map(DVec3::to_array));
             }
             Self::Tensor(value) => numbers.extend(leading(&value(sample), sizes.dimension)),

@@ -25,6 +25,9 @@ pub struct Frame {
     /// Whether each particle is there; empty without inlets and outlets. Of one that is not, position and
     /// velocity are NaN.
     pub present: Vec<bool>,
+    /// Position of a point of each piston \[length\], and its velocity [length/time]: of the walls that are
+    /// pistons, in their order.
+    pub pistons: Vec<[DVec3; 2]>,
 }
 
 /// One row of the observables.
@@ -64,6 +67,10 @@ pub struct Sample {
     pub wall_force: Vec<DVec3>,
     /// See [`Self::wall_force`].
     pub wall_heat_flow: Vec<f64>,
+    /// Position of a point of each piston \[length\].
+    pub piston_position: Vec<DVec3>,
+    /// Velocity of each piston [length/time].
+    pub piston_velocity: Vec<DVec3>,
     /// The numbers of all columns of probes, one after the other.
     pub probes: Vec<f64>,
     /// Σ m v of the bodies of finite mass [mass·length/time].

@@ -61,7 +61,7 @@ pub(crate) fn predict_wall<F: Features>(
     world: &World,
     i: u32,
     carrier: u32,
-    wall: u32,
+    (wall, from): (u32, i64),
     earliest: &mut Earliest<SearchEvent>,
 ) -> bool {
     if world.are_perpendicular(carrier, wall) {
@@ -77,12 +77,8 @@ pub(crate) fn predict_wall<F: Features>(
     let bound = world.acceleration(i).dot(plane.normal).abs()
         + cosine.abs() * carrying.motion.max_acceleration()
         + plane.motion.max_acceleration();
-    let path = Path {
-        from: world.particles[i as usize].time,
-        bound,
-        scale: radius,
-        period: carrying.motion.period().min(plane.motion.period()),
-    };
+    let path =
+        Path { from, bound, scale: radius, period: carrying.motion.period().min(plane.motion.period()) };
     let jump = |ticks: i64| plane.motion.time_to_jump((&world.clock, ticks));
     if let Some(time) = path.first_contact(world, earliest, distance, jump) {
         earliest.offer(time, Target::new(SearchEvent::Wall(wall)), 0);

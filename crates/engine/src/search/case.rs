@@ -8,6 +8,9 @@ use crate::{model::System, state::world::World};
 /// Why windows cannot run systems whose grains may come to rest.
 pub(crate) const MAY_SETTLE: &str = "grains may come to rest on each other (contact.rest_speed)";
 
+/// Why neither windows nor lists run systems with pistons.
+pub(crate) const HAS_PISTONS: &str = "there is a piston: its impacts change when all particles touch it, which only cells and all pairs follow";
+
 /// A system and a state of it.
 #[derive(Clone, Copy)]
 pub(crate) struct Case<'a> {

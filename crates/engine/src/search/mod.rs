@@ -7,8 +7,8 @@ The searches for the next event, and the loop that takes events from them.
 threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
 [`predict`] and [`batch`] are the predictions of pairs, [`planes`] filters walls, [`queue`] keeps one
 [`entry`] for each particle, with the [`search_event`] that it stands for, and [`ties`] those of one tick;
-[`moving`] has the axes of frames that deform with the box; [`summary`] and [`case`] describe a state and a
-scene to a search.
+[`pistons`] adds contacts with pistons to the calendar; [`moving`] has the axes of frames that deform with the
+box; [`summary`] and [`case`] describe a state and a scene to a search.
 
 *What to change here.* How fast an event is found, and which images of a new boundary a search visits. No
 search may change which event is found: all give the same bits, since predictions are pure functions of two
@@ -31,6 +31,7 @@ pub(crate) mod event_loop;
 pub(crate) mod lists;
 pub(crate) mod matrix;
 pub(crate) mod moving;
+pub(crate) mod pistons;
 pub(crate) mod planes;
 pub(crate) mod predict;
 pub(crate) mod queue;

@@ -469,7 +469,7 @@ pub(crate) fn predict_walls<F: Features>(
         }
         if F::GRAVITY
             && let Some(carrier) = world.carrier(i)
-            && carried::predict_wall::<F>(world, i, carrier, u32::from(wall), earliest)
+            && carried::predict_wall::<F>(world, i, carrier, (u32::from(wall), particle.time), earliest)
         {
             continue;
         }

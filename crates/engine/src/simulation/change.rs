@@ -170,6 +170,7 @@ impl Simulation {
             // The anchor is set anew: an own event, so that random numbers are not repeated.
             world.particles[new].count = old.particles[i as usize].count.wrapping_add(1);
         }
+        world.pistons_go_on(old, &self.system.walls);
         self.check_places(&system, &world)?;
         if let (Some(times), Some(others)) = (&mut world.laws.contact_times, &old.laws.contact_times) {
             times.take_over(others, survivors, (&old.clock, old.now), (&world.clock, world.now));
@@ -205,6 +206,7 @@ impl Simulation {
         accumulators.add_impulse(momentum);
         let energy = |totals: &Totals| totals.all_kinetic() + totals.potential;
         accumulators.add_energy(Term::Change, time, energy(&after) - energy(&before));
+        accumulators.add_energy(Term::LoadWork, time, before.pistons.1 - after.pistons.1);
         accumulators.add_impulse(after.momentum - before.momentum);
         accumulators.counters.epochs += 1;
         accumulators.center.replace(&world, time);

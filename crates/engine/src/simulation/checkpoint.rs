@@ -172,6 +172,7 @@ impl Simulation {
             let numbers = [population.entered, population.left, population.left_before];
             PASSAGES.into_iter().zip(numbers).for_each(|(name, number)| scalars.put(name, number));
         }
+        world.save_pistons(&mut scalars);
         self.save_actions(&mut |name, bits| scalars.put(name, bits));
         let digits = Digits::of(world);
         if digits.are_wide() {
@@ -377,6 +378,7 @@ impl Simulation {
             valid::passages(&system, count, [entered, left, left_before])?;
             (population.entered, population.left, population.left_before) = (entered, left, left_before);
         }
+        world.load_pistons(&mut scalars)?;
         let mut actions = actions(&system);
         for action in &mut actions {
             action.load(&mut |name| scalars.take(name), time)?;

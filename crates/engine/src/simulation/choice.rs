@@ -20,7 +20,7 @@ use crate::{
         Boundary, NeighborChoice, Options, System,
         features::{
             DeformingMonodisperse, DeformingPolydisperse, ElasticMonodisperse, FallingMonodisperse,
-            FallingPolydisperse, Features, Monodisperse, Polydisperse, Settling,
+            FallingPolydisperse, Features, Monodisperse, Polydisperse, Pressed, Settling,
         },
         thresholds::Thresholds,
     },
@@ -33,6 +33,7 @@ use crate::{
         event_loop::Engine,
         lists::{self, ListSearch, ListedEvent},
         matrix::Search,
+        pistons::WithPistons,
         summary::{LocalDensity, SystemSummary},
         windows::{self, Windows},
     },
@@ -281,6 +282,9 @@ impl Choice {
                 }
             }};
         }
+        if system.piston_count() > 0 {
+            return self.compile_with_pistons(system, geometry);
+        }
         if Thresholds::of(system).is_some() {
             return self.compile_for_rest(system, geometry);
         }
@@ -360,6 +364,18 @@ impl Choice {
             }
             _ => Box::new(CalendarScheduler::<F, DeformingCells>::new(geometry, *kernel, summary.count)),
         }
+    }
+
+    /// The engine for a system with pistons.
+    fn compile_with_pistons(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
+        let (kernel, count) = (self.kernel, self.summary.count);
+        let pistons = system.pistons().map(|(wall, _)| wall);
+        if self.search == Some(Search::AllPairs) {
+            let scheduler = CalendarScheduler::<Pressed, AllPairs>::new(geometry, kernel, count);
+            return Box::new(WithPistons::new(scheduler, pistons));
+        }
+        let scheduler = CalendarScheduler::<Pressed, Cells>::new(geometry, kernel, count);
+        Box::new(WithPistons::new(scheduler, pistons))
     }
 
     /// The engine for a system whose grains can come to rest.

@@ -150,6 +150,7 @@ impl Simulation {
             world.particles[i as usize].set_anchor(position, -velocity, world.now);
             world.wrap_anchor(i);
         }
+        self.state.world.reverse_pistons();
         for i in sliding {
             slide::begin(&mut self.state, i, now);
         }

@@ -15,6 +15,8 @@ pub(crate) struct Surroundings {
     /// How the box deforms.
     pub deformation: Option<Deformation>,
     pub walls: Vec<Wall>,
+    /// The walls that are pistons, by their indices.
+    pub pistons: Vec<u32>,
     /// Whether a wall can carry grains: it oscillates, and does not reflect all of them elastically or
     /// thermally.
     pub carries: bool,
@@ -34,6 +36,7 @@ impl Surroundings {
             periodicity,
             deformation,
             walls: system.walls.clone(),
+            pistons: system.pistons().map(|(wall, _)| wall as u32).collect(),
             carries: can_carry(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
         }
@@ -44,7 +47,7 @@ impl Surroundings {
     /// The same for a block, which keeps what walls give in its step.
     pub fn of_block(&self) -> Self {
         let wall_sums = self.wall_sums.as_ref().map(|_| Box::new(WallSums::of_block()));
-        Self { walls: self.walls.clone(), wall_sums, ..*self }
+        Self { walls: self.walls.clone(), pistons: self.pistons.clone(), wall_sums, ..*self }
     }
 }
 

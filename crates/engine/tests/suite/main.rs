@@ -15,6 +15,7 @@ mod measurements;
 mod named;
 mod oscillating_walls;
 mod overflow;
+mod pistons;
 mod pressures;
 mod profile_times;
 mod properties;

@@ -7,6 +7,7 @@
 mod changed;
 mod former;
 mod passages;
+mod pistons;
 mod recipe;
 
 use std::sync::LazyLock;

@@ -107,7 +107,15 @@ fn check(path: &std::path::Path, particles: usize, frames: u64, samples: u64, ev
     assert!(column::<i32>(&file, "particles/all/image/value") == images, "images differ");
     let present: Vec<u8> = expected.iter().flat_map(|f| &f.present).map(|&there| u8::from(there)).collect();
     assert!(column::<u8>(&file, "particles/all/present/value") == present, "those that are there differ");
-    for element in ["position", "velocity", "image", "present", "box/edges"] {
+    let states = |at: usize| {
+        expected.iter().flat_map(|f| &f.pistons).flat_map(|s| s[at].to_array()).collect::<Vec<_>>()
+    };
+    for (name, at) in [("position", 0), ("velocity", 1)] {
+        let found = column::<f64>(&file, &format!("particles/all/pistons/{name}/value"));
+        assert!(found == states(at), "pistons: {name} differs");
+    }
+    let of_pistons = ["pistons/position", "pistons/velocity"];
+    for element in ["position", "velocity", "image", "present", "box/edges"].into_iter().chain(of_pistons) {
         let steps = column::<i64>(&file, &format!("particles/all/{element}/step"));
         assert_eq!(steps, (0..frames as i64).map(|k| 10 * k).collect::<Vec<_>>(), "{element}");
         let times = column::<f64>(&file, &format!("particles/all/{element}/time"));
@@ -546,6 +554,7 @@ fn the_estimated_file_size_is_accurate_to_15_percent() {
             particles: particles as u64,
             dimension: 3,
             spin: true,
+            pistons: 1,
             frames,
             samples,
             events,

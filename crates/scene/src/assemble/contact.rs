@@ -56,6 +56,7 @@ impl Assembler<'_> {
                     let why = "nothing passes through a wall of domain.boundary, which closes the box: give a plane";
                     self.document.report(&item("wall", k, "passes"), why);
                 }
+                self.refuse_piston(k, config);
                 self.reference_time(k, config);
                 self.displacement(k, config);
                 continue;
@@ -122,6 +123,7 @@ impl Assembler<'_> {
                 if let Some(rotation) = self.rotation(k, config, Turns::AlongNormal(point, normal)) {
                     wall.motion = WallMotion::Rotating(rotation);
                 }
+                self.piston(k, config, &mut wall, domain);
             }
             walls.push(wall);
         }

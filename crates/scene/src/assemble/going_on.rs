@@ -37,6 +37,10 @@ impl Assembler<'_> {
         let names: Vec<String> = of_domain.iter().cloned().chain(planes).collect();
         for (k, index) in wall_indices(&configs, &names).into_iter().enumerate() {
             let Some(wall) = index.and_then(|index| present.walls.get(index)) else { continue };
+            if configs[k].mass.is_some() && !matches!(wall.motion, WallMotion::Piston(_)) {
+                let why = "no wall becomes a piston in a run that goes on";
+                self.document.report(&item("wall", k, "mass"), why);
+            }
             let changed = self.changed(k, &configs[k]);
             if let (Some(changed), Some(walls)) = (changed, &mut self.config.wall) {
                 goes_on(&mut walls[k], changed, wall, present.at);
@@ -70,6 +74,10 @@ impl Assembler<'_> {
 /// Completes an entry with `changed` keys; `old` is its wall until now. Values that are not valid are left to
 /// the checks that follow.
 fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) {
+    // What is not changed of a piston goes on in the engine.
+    if config.mass.is_some() {
+        return;
+    }
     // A velocity replaces an oscillation, and the other way round.
     if changed.motion && !changed.velocity {
         config.velocity = None;
@@ -94,7 +102,10 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
             // The given position is the present one.
             WallMotion::Constant(_) if changed.position => Some(now.high),
             WallMotion::Constant(motion) => Some(motion.reference_time),
-            WallMotion::Fixed | WallMotion::Oscillating(_) | WallMotion::Rotating(_) => None,
+            WallMotion::Fixed
+            | WallMotion::Oscillating(_)
+            | WallMotion::Rotating(_)
+            | WallMotion::Piston(_) => None,
         }
         .filter(|&time| time != 0.0);
     }

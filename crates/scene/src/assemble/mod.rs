@@ -30,6 +30,7 @@ mod names;
 mod particles;
 mod partition;
 mod passage;
+mod piston;
 mod placement;
 mod plan;
 mod region;

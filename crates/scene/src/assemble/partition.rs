@@ -22,7 +22,7 @@ impl Assembler<'_> {
             self.document.report(&item("wall", k, "plane.two-sided"), why);
         }
         let moves = [
-            ("velocity", config.velocity.is_some()),
+            ("velocity", config.velocity.is_some() && config.mass.is_none()),
             ("motion", config.motion.is_some()),
             ("sticks", config.sticks == Some(true)),
         ];

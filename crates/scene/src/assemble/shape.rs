@@ -101,6 +101,7 @@ impl Assembler<'_> {
             let why = "is for walls of domain.boundary: a shape has its place in its own keys";
             self.document.report(&item("wall", k, "displacement"), why);
         }
+        self.refuse_piston(k, config);
         if self.has_joints() {
             let why = "does not work with pendulums, springs, rods or sticking contacts";
             self.document.report(&item("wall", k, key), why);

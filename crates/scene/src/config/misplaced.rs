@@ -201,7 +201,7 @@ mod tests {
             (&["species", "1"], "N", &["count"], &["species.1.count"]),
             (&["run"], "untl", &["until"], &["run.until"]),
             (&[], "amplitude", &[], &["wall.0.motion.amplitude"]),
-            (&[], "mass", &[], &["particle.0.mass", "species.0.mass"]),
+            (&[], "mass", &[], &["particle.0.mass", "species.0.mass", "wall.0.mass"]),
             (&[], "between", &[], &["rod.0.between", "spring.0.between"]),
         ];
         for (path, key, known, expected) in cases {

@@ -7,7 +7,7 @@ use crate::{
     model::System,
     numerics::tuning::particles::SHORT_LISTS,
     search::{
-        case::{Case, Reason},
+        case::{Case, HAS_PISTONS, Reason},
         summary::{LocalDensity, SystemSummary},
     },
     support::geometry::{axes, planes},
@@ -89,6 +89,9 @@ impl Plan {
     pub fn new(system: &System, summary: &SystemSummary, density: &LocalDensity) -> Result<Self, Reason> {
         if summary.count == 0 {
             return Err(Reason::new("there are no particles"));
+        }
+        if system.piston_count() > 0 {
+            return Err(Reason::new(HAS_PISTONS));
         }
         if summary.count >= i32::MAX as usize {
             return Err(Reason::new(format!("there are more than {} particles", i32::MAX)));

@@ -11,7 +11,7 @@ use crate::{
     search::{
         batch::Kernel,
         blocks,
-        case::{Case, MAY_SETTLE, Reason},
+        case::{Case, HAS_PISTONS, MAY_SETTLE, Reason},
         compact::NEAREST,
         event_loop::{Limit, Next, Scheduler},
         planes::Planes,
@@ -104,6 +104,9 @@ pub(crate) fn can_run(case: &Case) -> Result<(), Reason> {
     let axes = system.dimension.count();
     if Thresholds::of(system).is_some() {
         return Err(Reason::new(MAY_SETTLE));
+    }
+    if system.piston_count() > 0 {
+        return Err(Reason::new(HAS_PISTONS));
     }
     if system.domain.gravity != DVec3::ZERO && !summary.movable {
         return Err(Reason::new("there are gravity and bodies of infinite mass, which do not fall"));

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Compression, Cuboid, Dimension, Drive, DriveKind, Flow, Inlet, KickTimes, NeighborChoice,
-    Options, Oscillating, Outlet, Rotation, Shape, Shear, Spin, Supply, System, ThermalWall, Wall, WallLaw,
-    WallMotion, searches,
+    Options, Oscillating, Outlet, Partition, Piston, Rotation, Shape, Shear, Spin, Supply, System,
+    ThermalWall, Wall, WallLaw, WallMotion, searches,
 };
 use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Waveform};
 use haff_surfaces::{Revolution, Side};
@@ -38,6 +38,29 @@ pub fn outlet(scene: &mut System, [low, high]: [[f64; 3]; 2]) {
     let flow = scene.flow.get_or_insert_with(|| Box::new(Flow { present, ..Flow::default() }));
     let place = Cuboid { low: low.into(), high: high.into() };
     flow.outlets.push(Outlet { place, interval: None });
+}
+
+/// Adds a wall with the laws of the particles among each other.
+pub fn add_wall(scene: &mut System, wall: Wall) {
+    fn added<T: Clone>(laws: &[T], groups: usize, of_group: impl Fn(usize) -> T) -> Vec<T> {
+        let walls = laws.len() / groups;
+        let row = |group: usize| laws[group * walls..(group + 1) * walls].iter().cloned();
+        (0..groups).flat_map(|group| row(group).chain([of_group(group)])).collect()
+    }
+    let (groups, pair) = (scene.groups.len(), scene.contacts.pair.clone());
+    scene.contacts.wall = added(&scene.contacts.wall, groups, |group| pair[group * groups + group].into());
+    if let Some(spin) = &mut scene.spin {
+        spin.wall = added(&spin.wall, groups, |group| spin.pair[group * groups + group]);
+    }
+    scene.walls.push(wall);
+}
+
+/// Adds a plane of finite mass at a height, with a load; particles are below it, or on both of its sides.
+pub fn lid(scene: &mut System, height: f64, [mass, force]: [f64; 2], both: bool) {
+    let (point, normal) = (DVec3::Z * height, -DVec3::Z);
+    let shape = both.then_some(Shape::Partition(Partition { point, normal, hole: None }));
+    let motion = WallMotion::Piston(Piston::new(mass, force, 0.0, (normal, scene.domain.gravity)));
+    add_wall(scene, Wall { name: "lid".into(), point, normal, motion, shape });
 }
 
 /// A scene in which particles are taken out in one part, and come in again in another.
@@ -187,6 +210,7 @@ pub fn features() -> Vec<(&'static str, System)> {
                 scene.contacts.rest_speed = 0.05;
             }),
         ),
+        ("piston", with(box_of(FLOOR, &[0.5], 0.9), |scene| lid(scene, 12.0, [30.0, 5.0], false))),
         ("inlets and outlets", circuit(box_of(FLOOR, &[0.5], 0.9))),
         (
             "inlets and outlets, contact.rest_speed",

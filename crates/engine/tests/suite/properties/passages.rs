@@ -67,7 +67,7 @@ fn with_flow(recipe: &Recipe) -> System {
 
 /// What a run is like at some times; `None` if its events have no end. It goes on from a checkpoint after the
 /// first time.
-fn outcome(system: &System, options: Options) -> Option<(Vec<String>, Simulation)> {
+pub fn outcome(system: &System, options: Options) -> Option<(Vec<String>, Simulation)> {
     let mut simulation = Simulation::new(system.clone(), options).unwrap();
     let mut found = Vec::new();
     for time in [0.7, 2.0, 5.0] {

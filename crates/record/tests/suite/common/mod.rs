@@ -68,6 +68,7 @@ pub fn header(particles: usize) -> Header {
         radius: (0..particles).map(|i| 0.5 + i as f64).collect(),
         inertia: vec![0.4; particles],
         wall_names: vec!["y-".to_owned(), "y+".to_owned()],
+        pistons: vec![1],
         frames: true,
         observables: true,
         events: EventColumn::ALL.to_vec(),
@@ -103,6 +104,7 @@ pub fn frame(k: u64, particles: usize) -> Frame {
         angular_velocity: all(5),
         edges: [DVec3::X, DVec3::Y * 2.0, DVec3::Z * 3.0],
         present: (0..particles as u64).map(|i| (i + k) % 5 != 4).collect(),
+        pistons: vec![[vector(k, 33), vector(k, 34)]],
     }
 }
 
@@ -114,6 +116,7 @@ pub fn sample(k: u64) -> Sample {
         ledger: Ledger {
             kinetic: x(1),
             rotational: x(25),
+            pistons: x(33),
             potential: x(2),
             spring: f64::NAN,
             dissipated: x(3),
@@ -132,6 +135,8 @@ pub fn sample(k: u64) -> Sample {
         stress: Some(StressTensor { kinetic: [x(15); 9], collisional: [x(16); 9] }),
         wall_force: vec![vector(k, 23), vector(k, 24)],
         wall_heat_flow: vec![x(17), x(18)],
+        piston_position: vec![vector(k, 35)],
+        piston_velocity: vec![vector(k, 36)],
         probes: vec![x(29), x(30), x(31)],
         momentum: vector(k, 11),
         external_impulse: vector(k, 12),

@@ -69,6 +69,13 @@ pub struct WallConfig {
     /// Rotation of a cylinder, a cone or a sphere about its axis, or of a plane about a normal: the place of
     /// its surface does not change, and rough or thermal contacts are with the moving surface.
     pub rotation: Option<RotationConfig>,
+    /// Mass of a piston \[mass\]: a plane that moves along its normal as a body of this mass, by its impacts,
+    /// its load and its weight. Its `velocity` is that at the start.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub mass: Option<f64>,
+    /// Constant load on a piston along its normal, besides its weight [mass length/time²]; default 0.
+    /// Positive values push it to the side of the particles.
+    pub force: Option<f64>,
     /// Names of species, or of particles, that pass through this wall. Default: none.
     pub passes: Option<Vec<String>>,
 }

@@ -1,0 +1,62 @@
+//! Planes of finite mass.
+
+use glam::DVec3;
+
+use crate::numerics::instant::Instant;
+
+/// The motion of a plane of finite mass along its normal: constant acceleration between impacts, each of
+/// which starts another flight. It does not turn, and it is guided along its normal: nothing moves it across.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piston {
+    /// Mass [mass].
+    pub mass: f64,
+    /// Acceleration along the normal by the load and the weight [length/time²].
+    pub acceleration: f64,
+    /// Displacement from the given position along the normal, at the start of the flight \[length\].
+    pub displacement: f64,
+    /// Velocity along the normal at the start of the flight [length/time].
+    pub speed: f64,
+    /// Start of the flight.
+    pub since: Instant,
+}
+
+impl Piston {
+    /// A piston at its given position at the start of a run, with a load along its `normal` [force] and a
+    /// speed along it [length/time], under gravity [length/time²].
+    #[must_use]
+    pub fn new(mass: f64, force: f64, speed: f64, (normal, gravity): (DVec3, DVec3)) -> Self {
+        let acceleration = force / mass + gravity.dot(normal);
+        Self { mass, acceleration, displacement: 0.0, speed, since: Instant::ZERO }
+    }
+
+    /// Displacement \[length\] and velocity [length/time] along the normal at a time of the flight.
+    #[inline]
+    pub fn at(&self, time: Instant) -> (f64, f64) {
+        let duration = time.since(self.since);
+        let gain = self.acceleration * duration;
+        (self.displacement + (self.speed + 0.5 * gain) * duration, self.speed + gain)
+    }
+
+    /// Kinetic energy at a time of the flight \[energy\].
+    pub(crate) fn kinetic(&self, time: Instant) -> f64 {
+        let (_, speed) = self.at(time);
+        0.5 * self.mass * speed * speed
+    }
+
+    /// Work of the load and the weight from the given position on \[energy\].
+    pub(crate) fn work(&self, time: Instant) -> f64 {
+        let (displacement, _) = self.at(time);
+        self.mass * self.acceleration * displacement
+    }
+
+    /// The flight as named numbers, for checkpoints.
+    pub(crate) fn flight(&self) -> [(&'static str, f64); 4] {
+        let Self { displacement, speed, since, .. } = *self;
+        [("displacement", displacement), ("speed", speed), ("since", since.high), ("since_low", since.low)]
+    }
+
+    /// Sets the flight.
+    pub(crate) fn set_flight(&mut self, displacement: f64, speed: f64, since: Instant) {
+        (self.displacement, self.speed, self.since) = (displacement, speed, since);
+    }
+}

@@ -1,0 +1,137 @@
+//! Pistons: walls of finite mass, whose flights change at impacts.
+
+use glam::DVec3;
+
+use crate::{
+    model::{Piston, Wall, WallMotion},
+    numerics::{
+        error::EngineError,
+        instant::Instant,
+        scalars::{ScalarReader, ScalarWriter},
+    },
+    state::world::World,
+};
+
+/// Largest coordinate and velocity in a checkpoint: their squares are finite.
+const LARGEST: f64 = 1e150;
+
+impl World {
+    /// Whether a wall is a piston.
+    #[inline]
+    pub fn is_piston(&self, wall: u32) -> bool {
+        self.piston(wall).is_some()
+    }
+
+    /// The flight of a wall that is a piston.
+    #[inline]
+    pub fn piston(&self, wall: u32) -> Option<&Piston> {
+        self.boundary.walls[wall as usize].piston()
+    }
+
+    /// 1/M of a wall [1/mass]: 0 unless it is a piston.
+    #[inline]
+    pub fn inverse_wall_mass(&self, wall: u32) -> f64 {
+        self.piston(wall).map_or(0.0, |piston| 1.0 / piston.mass)
+    }
+
+    /// The walls that are pistons.
+    pub fn pistons(&self) -> impl Iterator<Item = (u32, &Piston)> {
+        self.boundary.pistons.iter().filter_map(|&wall| Some((wall, self.piston(wall)?)))
+    }
+
+    /// Starts another flight of a piston at `ticks`, after an impulse on it [mass·length/time].
+    pub fn push_piston(&mut self, wall: u32, impulse: DVec3, ticks: i64) {
+        let at = self.clock.instant(ticks);
+        let wall = &mut self.boundary.walls[wall as usize];
+        let normal = wall.normal;
+        if let WallMotion::Piston(piston) = &mut wall.motion {
+            let (displacement, speed) = piston.at(at);
+            let speed = speed + impulse.dot(normal) / piston.mass;
+            *piston = Piston { displacement, speed, since: at, ..*piston };
+        }
+    }
+
+    /// Reverses the velocities of all pistons now.
+    pub fn reverse_pistons(&mut self) {
+        for wall in self.boundary.pistons.clone() {
+            let now = self.now;
+            self.push_piston(wall, DVec3::ZERO, now);
+            if let WallMotion::Piston(piston) = &mut self.boundary.walls[wall as usize].motion {
+                piston.speed = -piston.speed;
+            }
+        }
+    }
+
+    /// Kinetic energy of all pistons now, and the work of their loads and weights from their given positions
+    /// on \[energy\].
+    pub fn energies_of_pistons(&self) -> (f64, f64) {
+        let now = self.clock.instant(self.now);
+        self.pistons().fold((0.0, 0.0), |(kinetic, work), (_, piston)| {
+            (kinetic + piston.kinetic(now), work + piston.work(now))
+        })
+    }
+
+    /// Position of a point of each piston, and its velocity, now.
+    pub fn states_of_pistons(&self) -> Vec<[DVec3; 2]> {
+        let now = self.clock.instant(self.now);
+        let of = |(wall, piston): (u32, &Piston)| {
+            let wall = &self.boundary.walls[wall as usize];
+            let (displacement, speed) = piston.at(now);
+            [wall.point + wall.normal * displacement, wall.normal * speed]
+        };
+        self.pistons().map(of).collect()
+    }
+
+    /// Pistons go on as those of a world that this one replaces: from where they are and as fast as they are
+    /// now, unless the change has set another position or another velocity. `walls` are those at the start of
+    /// the system before the change.
+    pub fn pistons_go_on(&mut self, before: &Self, walls: &[Wall]) {
+        let now = before.clock.instant(before.now);
+        for wall in self.boundary.pistons.clone() {
+            let Some(old) = walls.get(wall as usize) else { continue };
+            let Wall { point, normal, motion, .. } = &mut self.boundary.walls[wall as usize];
+            let WallMotion::Piston(piston) = motion else { continue };
+            piston.since = now;
+            let (Some(start), Some(flight)) = (old.piston(), before.piston(wall)) else { continue };
+            let (displacement, speed) = flight.at(now);
+            if (*point, *normal) == (old.point, old.normal) {
+                piston.displacement = displacement;
+            }
+            if piston.speed == start.speed {
+                piston.speed = speed;
+            }
+        }
+    }
+
+    /// Saves the flights of pistons.
+    pub fn save_pistons(&self, scalars: &mut ScalarWriter) {
+        for (wall, piston) in self.pistons() {
+            for (name, value) in piston.flight() {
+                scalars.real(&format!("piston.{wall}.{name}"), value);
+            }
+        }
+    }
+
+    /// Loads the flights of pistons, up to now.
+    pub fn load_pistons(&mut self, scalars: &mut ScalarReader) -> Result<(), EngineError> {
+        let now = self.clock.instant(self.now);
+        for wall in self.boundary.pistons.clone() {
+            let plane = &mut self.boundary.walls[wall as usize];
+            let WallMotion::Piston(piston) = &mut plane.motion else { continue };
+            let values = piston.flight().map(|(name, _)| scalars.real(&format!("piston.{wall}.{name}")));
+            let [displacement, speed, high, low] = values;
+            piston.set_flight(displacement, speed, Instant { high, low });
+            let is_valid = values.iter().all(|value| value.is_finite())
+                && high >= 0.0
+                && low.abs() <= high * f64::EPSILON
+                && piston.since <= now
+                && [displacement, speed, piston.at(now).0, piston.at(now).1]
+                    .iter()
+                    .all(|x| x.abs() < LARGEST);
+            if !is_valid {
+                return Err(EngineError::Checkpoint(format!("piston.{wall}: no piston has {values:?}")));
+            }
+        }
+        Ok(())
+    }
+}
