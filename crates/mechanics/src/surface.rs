@@ -36,6 +36,15 @@ pub trait Surface: fmt::Debug + Send + Sync {
         (DVec3::ZERO, f64::INFINITY)
     }
 
+    /// The box that particles cannot leave, of a closed surface with the particles inside: its lower and
+    /// upper corner \[length\]. By default that around [`Self::bounds`], if what is outside of these is
+    /// behind the surface.
+    fn enclosure(&self) -> Option<[DVec3; 2]> {
+        let (center, radius) = self.bounds();
+        let is_closed = radius.is_finite() && self.distance(center + DVec3::X * (2.0 * radius)) < 0.0;
+        is_closed.then(|| [center - radius, center + radius])
+    }
+
     /// Whether the surface is the same everywhere along a coordinate axis, as a tube without end is along its
     /// own: then it repeats with a box that is periodic there, and smooth contacts keep the momentum along
     /// it.

@@ -264,6 +264,24 @@ impl Surface for Revolution {
         (self.center, self.extent)
     }
 
+    /// Around the disks at both ends; of a cylinder without end across its axis.
+    fn enclosure(&self) -> Option<[DVec3; 2]> {
+        let Axis { origin, direction } = self.bands[0].axis;
+        let across = (1.0 - direction * direction).max(DVec3::ZERO).map(f64::sqrt);
+        let ends = [self.low, self.high];
+        if self.side != Side::Inside || self.slope != 0.0 && ends.iter().any(|z| z.is_infinite()) {
+            return None;
+        }
+        // Not 0 · ∞.
+        let shift = |z: f64| direction.map(|along| if along == 0.0 { 0.0 } else { along * z });
+        let [a, b] = ends.map(|z| {
+            let radius = if self.slope == 0.0 { self.radius } else { self.radius + self.slope * z };
+            let center = origin + shift(z);
+            [center - across * radius, center + across * radius]
+        });
+        Some([a[0].min(b[0]), a[1].max(b[1])])
+    }
+
     fn is_same_along(&self, axis: usize) -> bool {
         let is_endless = self.low == f64::NEG_INFINITY && self.high == f64::INFINITY;
         is_endless && self.bands[0].axis.direction[axis].abs() == 1.0

@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use crate::{
-    model::{Shape, Surface},
+    model::{Shape, Surface, Wall, WallMotion},
     state::{particle::Particle, world::World},
 };
 
@@ -17,6 +17,20 @@ const SLACK: f64 = 1e-9;
 /// longer, for the rounding of times.
 pub(crate) fn searched(duration: f64, tick: f64) -> f64 {
     duration * (1.0 + 1e-9) + tick
+}
+
+impl FilteredShape {
+    fn of(wall: &Wall, index: u32) -> Option<Self> {
+        let surface = wall.surface()?;
+        let around = match (surface.enclosure(), &wall.motion) {
+            (Some([low, high]), WallMotion::Fixed | WallMotion::Rotating(_)) => 0.5 * (low + high),
+            _ => DVec3::INFINITY,
+        };
+        let is_usable = around.is_finite();
+        let clearance = if is_usable { surface.distance(around).abs() * (1.0 - SLACK) } else { 0.0 };
+        let center = if is_usable { around + wall.point } else { DVec3::ZERO };
+        Some(Self { surface, center, clearance, wall: index })
+    }
 }
 
 /// The walls of a system as planes, and those of other shapes.
@@ -49,6 +63,10 @@ struct FilteredPlane {
 #[derive(Debug, Clone, Copy)]
 struct FilteredShape {
     surface: &'static dyn Surface,
+    /// A point, and its distance from the surface \[length\]: that of another position is at most smaller by
+    /// their distance. Of a wall that moves, 0.
+    center: DVec3,
+    clearance: f64,
     /// Its index.
     wall: u32,
 }
@@ -56,8 +74,7 @@ struct FilteredShape {
 impl Planes {
     pub fn new(world: &World) -> Self {
         let walls = || world.boundary.walls.iter().zip(0..);
-        let shapes =
-            walls().filter_map(|(wall, index)| Some(FilteredShape { surface: wall.surface()?, wall: index }));
+        let shapes = walls().filter_map(|(wall, index)| FilteredShape::of(wall, index));
         let planes = walls().filter(|(wall, _)| wall.surface().is_none()).map(|(wall, index)| {
             let (speed, amplitude) = wall.motion.bound(wall.normal);
             FilteredPlane {
@@ -123,7 +140,12 @@ impl Planes {
         duration: f64,
         mut predict: impl FnMut(u32),
     ) {
-        for &FilteredShape { surface, wall } in &self.shapes {
+        let path = (anchor.velocity.length() + 0.5 * acceleration.length() * duration) * duration;
+        for &FilteredShape { surface, center, clearance, wall } in &self.shapes {
+            let apart = clearance - (radius + self.slack + path);
+            if apart > 0.0 && (anchor.position - center).length_squared() < apart * apart {
+                continue;
+            }
             let flight = world.relative_flight(anchor, acceleration, wall);
             let swing = flight.swing.map_or(0.0, |swing| swing.oscillation.amplitude);
             let path = (flight.velocity.length() + 0.5 * acceleration.length() * duration) * duration;

@@ -6,6 +6,7 @@ use crate::{
     numerics::error::EngineError,
     search::{batch::Kernel, matrix::Search},
     state::world::World,
+    support::geometry::present_system,
 };
 
 /// What a search can do with a system in its initial state.
@@ -38,6 +39,7 @@ pub fn searches(system: &System, options: Options) -> Result<Vec<SearchSupport>,
         system
     };
     let world = World::new(system, 0);
+    let system = &*present_system(system, &world);
     let choice = Choice::new(Options::default(), kernel, system, &world)?;
     let (chosen, case) = (choice.search(), choice.case(system, &world));
     let support = |search: Search| SearchSupport {

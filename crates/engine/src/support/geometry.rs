@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::{
     model::{Boundary, Dimension, Shape, System, Wall, WallMotion},
     state::world::World,
+    support::enclosure::enclosed,
 };
 
 /// Least and largest present coordinate of all particles along an axis [length].
@@ -69,8 +70,11 @@ pub(crate) fn largest_contact(particles: impl Iterator<Item = (f64, bool, u64)>)
     movable[0] + if partner > 0.0 { partner } else { movable[0] }
 }
 
-/// The system with the edges that its box has at present, for searches.
+/// The system with the edges that its box has at present, for searches: along open axes those of a container.
 pub(crate) fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, System> {
+    if let Some(domain) = enclosed(system, world) {
+        return Cow::Owned(System { domain, ..system.clone() });
+    }
     if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
         return Cow::Borrowed(system);
     }
@@ -93,6 +97,10 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
     let uniform = radius.clone().all(|radius| radius == movable);
     let mut size = world.periodicity(world.now).size;
     for axis in 0..3 {
+        if axes[axis] == Axis::Bounded && world.boundary.deformation.is_none() {
+            // Of a container the world does not have it.
+            size[axis] = system.domain.size[axis];
+        }
         if axes[axis] == Axis::Open {
             // An open axis has no size; the present extent of the particles is used.
             let (low, high) = extent(world, axis);

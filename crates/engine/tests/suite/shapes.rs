@@ -504,3 +504,33 @@ fn nothing_leaks_through_edges() {
         }
     }
 }
+
+#[test]
+fn containers_bound_open_axes_for_searches() {
+    let chosen = |walls: Vec<Wall>, motion: Option<WallMotion>| {
+        let mut scene = grains(Dimension::Three, walls, 200, Boundary::Open);
+        if let Some(motion) = motion {
+            scene.walls[0].motion = motion;
+        }
+        Simulation::new(scene, Options::default()).unwrap().neighbors()
+    };
+    let flask = |center: DVec3, side: Side| vec![wall("flask", Sphere { center, radius: 6.0, side })];
+    assert_eq!(chosen(flask(CENTER, Side::Inside), None), NeighborChoice::Windows);
+    let mesh = Mesh::new(&cuboid(DVec3::splat(0.5), DVec3::splat(11.0)), Side::Inside).unwrap();
+    assert_eq!(mesh.enclosure(), Some([DVec3::splat(0.5), DVec3::splat(11.5)]));
+    assert_eq!(chosen(vec![wall("box", mesh)], None), NeighborChoice::Windows);
+    let drum = Revolution::finite_cylinder(DVec3::new(6.0, 6.0, 0.5), DVec3::Z, 5.5, 11.0, Side::Inside);
+    assert_eq!(chosen(vec![wall("drum", drum)], None), NeighborChoice::Windows);
+    // A fixed body is outside.
+    let mut scene = grains(Dimension::Three, flask(CENTER, Side::Inside), 200, Boundary::Open);
+    let fixed = class(&mut scene, 0.5, f64::INFINITY);
+    add(&mut scene, fixed, DVec3::splat(40.0), DVec3::ZERO);
+    let outside = Simulation::new(scene, Options::default()).unwrap();
+    assert_eq!(outside.neighbors(), NeighborChoice::Cells);
+    // Nothing holds the grains, or not all of them, or the container moves on.
+    assert_eq!(chosen(flask(DVec3::splat(-9.0), Side::Outside), None), NeighborChoice::Cells);
+    assert_eq!(chosen(flask(CENTER, Side::Both), None), NeighborChoice::Cells);
+    let tube = Revolution::cylinder(CENTER, DVec3::Z, 5.5, Side::Inside);
+    assert_eq!(chosen(vec![wall("tube", tube)], None), NeighborChoice::Cells);
+    assert_eq!(chosen(flask(CENTER, Side::Inside), Some(DVec3::X.into())), NeighborChoice::Cells);
+}

@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 /// Most cells along an axis.
-const MOST: f64 = 32.0;
+const MOST: f64 = 64.0;
 /// Approximate number of cells per triangle.
 const PER_TRIANGLE: f64 = 16.0;
 /// Fewest cells, of a mesh with few triangles.
-const FEWEST: f64 = 512.0;
+const FEWEST: f64 = 32_768.0;
 
 /// How far each cell of a grid is at least from a mesh: most positions need no more to be known as far away.
 #[derive(Debug, Clone, PartialEq)]

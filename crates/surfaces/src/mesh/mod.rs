@@ -164,15 +164,11 @@ impl Mesh {
     pub fn contains(&self, position: DVec3) -> bool {
         let is_odd = |direction: DVec3| {
             let mut crossings = 0_usize;
+            let line = Line::new(position, direction, 0.0, f64::INFINITY);
             self.tree.visit(
                 f64::INFINITY,
-                |bounds| {
-                    if segment(bounds, position, direction, 0.0, f64::INFINITY).is_some() {
-                        0.0
-                    } else {
-                        f64::NAN
-                    }
-                },
+                // Each box counts, in any order.
+                |bounds| if line.enters(bounds).is_nan() { f64::NAN } else { 0.0 },
                 |leaf| {
                     crossings += self.triangles[leaf]
                         .iter()
@@ -201,12 +197,8 @@ impl Mesh {
             self.triangles[leaf].iter().map(offer).fold(f64::INFINITY, f64::min)
         };
         if flight.is_straight() {
-            let (position, velocity) = (flight.position, flight.velocity);
-            self.tree.visit(
-                f64::INFINITY,
-                |bounds| segment(bounds, position, velocity, radius, until).unwrap_or(f64::NAN),
-                |leaf| visit(leaf, &mut offer),
-            );
+            let line = Line::new(flight.position, flight.velocity, radius, until);
+            self.tree.visit(f64::INFINITY, |bounds| line.enters(bounds), |leaf| visit(leaf, &mut offer));
             return;
         }
         // The box around the path.
@@ -234,28 +226,33 @@ impl Mesh {
     }
 }
 
-/// The time at which a point that moves along a line first is at most `radius` from a box along each axis, if
-/// it ever is before `until`.
-#[inline]
-fn segment(bounds: &Bounds, position: DVec3, velocity: DVec3, radius: f64, until: f64) -> Option<f64> {
-    let (mut first, mut last) = (0.0_f64, until);
-    for axis in 0..3 {
-        let slack = radius + (position[axis].abs() + radius) * 1e-12;
-        let (low, high) =
-            (bounds.low[axis] - slack - position[axis], bounds.high[axis] + slack - position[axis]);
-        let speed = velocity[axis];
-        if speed == 0.0 {
-            if low > 0.0 || high < 0.0 {
-                return None;
-            }
-            continue;
-        }
-        let (a, b) = (low / speed, high / speed);
-        first = first.max(a.min(b));
-        last = last.min(a.max(b));
+/// A straight flight, for tests of boxes: without a division for each.
+struct Line {
+    /// The position, and how near a box counts along each axis: added to it and taken off \[length\].
+    position: [DVec3; 2],
+    /// Time per length; infinite along an axis without motion [time/length].
+    inverse: DVec3,
+    /// The end of the flight \[time\].
+    until: f64,
+}
+
+impl Line {
+    fn new(position: DVec3, velocity: DVec3, radius: f64, until: f64) -> Self {
+        let slack = radius + (position.abs() + radius) * 1e-12;
+        Self { position: [position + slack, position - slack], inverse: velocity.recip(), until }
     }
-    // Times are rounded.
-    (first * (1.0 - 1e-12) <= last).then_some(first * (1.0 - 1e-12))
+
+    /// The time at which the flight first is at most a radius from a box along each axis; NaN if it never is
+    /// before its end.
+    #[inline]
+    fn enters(&self, bounds: &Bounds) -> f64 {
+        let (a, b) =
+            ((bounds.low - self.position[0]) * self.inverse, (bounds.high - self.position[1]) * self.inverse);
+        let first = a.min(b).max_element().max(0.0) * (1.0 - 1e-12);
+        let last = a.max(b).min_element().min(self.until);
+        // Times are rounded.
+        if first <= last { first } else { f64::NAN }
+    }
 }
 
 /// Whether a line from a position in a direction crosses a triangle (T. Möller and B. Trumbore, J. Graphics
@@ -305,14 +302,21 @@ impl Surface for Mesh {
         (self.center, self.extent)
     }
 
+    fn enclosure(&self) -> Option<[DVec3; 2]> {
+        let Bounds { low, high } = self.tree.bounds();
+        (self.side == Side::Inside).then_some([low, high])
+    }
+
     fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {
         Part::approach(self, position, velocity)
     }
 
     fn is_near(&self, position: DVec3, reach: f64) -> bool {
-        let clearance = self.clearance.as_ref().and_then(|clearance| clearance.at(position));
-        clearance.is_none_or(|clearance| clearance <= reach)
-            && self.offset_within(position, reach.max(0.0)).is_some()
+        match self.clearance.as_ref().and_then(|clearance| clearance.at(position)) {
+            // Where this is not exact, the walk along the flight is faster than one to the nearest point.
+            Some(clearance) => clearance <= reach,
+            None => self.offset_within(position, reach.max(0.0)).is_some(),
+        }
     }
 
     fn contact_normal(&self, position: DVec3, velocity: DVec3, reach: f64) -> DVec3 {
@@ -357,8 +361,15 @@ impl Surface for Mesh {
             // What is found must not depend on `within`, only whether it is.
             let stop = step.min(within - time);
             let mut first = f64::INFINITY;
+            let is_straight = flight.is_straight();
             self.sweep(flight, radius, [time, time + stop], |triangle| {
-                let found = first_in_step(triangle, flight, radius, time, [step, stop.min(first)]);
+                let of_face = if is_straight {
+                    triangle.time_to_face(flight.position, flight.velocity, radius)
+                } else {
+                    None
+                };
+                let found = of_face
+                    .or_else(|| first_in_step(triangle, flight, radius, time, [step, stop.min(first)]));
                 first = first.min(found.unwrap_or(f64::INFINITY));
                 time + first
             });

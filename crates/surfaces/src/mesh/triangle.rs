@@ -34,6 +34,29 @@ impl Triangle {
     }
 }
 
+impl Triangle {
+    /// The time at which a sphere that moves along a line touches the inside of the triangle, before any
+    /// other part of it \[time\]; `None` if it touches an edge first, or nothing.
+    #[must_use]
+    pub fn time_to_face(&self, position: DVec3, velocity: DVec3, radius: f64) -> Option<f64> {
+        let [a, b, c] = self.corners;
+        let (height, rate) = ((position - a).dot(self.normal), velocity.dot(self.normal));
+        let (gap, speed) = (height.abs() - radius, -rate * height.signum());
+        if gap < 0.0 || speed <= 0.0 {
+            return None;
+        }
+        let time = gap / speed;
+        let foot = position + velocity * time;
+        let is_inside = |from: DVec3, to: DVec3| {
+            (to - from).cross(foot - from).dot(self.normal) > EDGE * (to - from).length_squared()
+        };
+        (is_inside(a, b) && is_inside(b, c) && is_inside(c, a)).then_some(time)
+    }
+}
+
+/// A foot nearer to an edge than this part of its length counts as one on the edge.
+const EDGE: f64 = 1e-9;
+
 /// Twice the least area [squared longest edge].
 const FLAT: f64 = 1e-12;
 

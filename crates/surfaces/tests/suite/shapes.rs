@@ -138,3 +138,29 @@ fn surfaces_that_swing_are_met_where_they_are() {
     }
     assert!(hits > 5_000 && fast > 1_000, "{hits} {fast}");
 }
+
+#[test]
+fn containers_are_in_their_boxes_and_reach_their_sides() {
+    let mut random = Random(8);
+    for (name, shape) in shapes() {
+        let Some([low, high]) = shape.enclosure() else { continue };
+        let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for _ in 0..200_000 {
+            let position = DVec3::from_array([0; 3].map(|_| random.uniform(-4.0, 4.0)));
+            if shape.distance(position) > 0.0 {
+                assert!(position.cmpge(low).all() && position.cmple(high).all(), "{name}: {position}");
+                (least, most) = (least.min(position), most.max(position));
+            }
+        }
+        for axis in (0..3).filter(|&axis| high[axis].is_finite()) {
+            let edge = high[axis] - low[axis];
+            let gaps = [least[axis] - low[axis], high[axis] - most[axis]];
+            assert!(gaps.iter().all(|gap| *gap < 0.2 * edge), "{name}, axis {axis}: {gaps:?} of {edge}");
+        }
+    }
+    let held = |shape: &dyn Surface| shape.enclosure().is_some();
+    let closed = |side| Revolution::finite_cylinder(DVec3::ZERO, DVec3::Z, 1.0, 2.0, side);
+    assert!(held(&closed(Side::Inside)) && !held(&closed(Side::Outside)) && !held(&closed(Side::Both)));
+    assert!(held(&Revolution::cylinder(DVec3::ZERO, DVec3::Z, 1.0, Side::Inside)));
+    assert!(!held(&Revolution::cone(DVec3::ZERO, DVec3::Z, 0.5, [0.0, f64::INFINITY], Side::Inside)));
+}

@@ -7,7 +7,7 @@ use haff_engine::{
     ThermalWall, Wall, WallLaw, WallMotion, searches,
 };
 use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Waveform};
-use haff_surfaces::{Revolution, Side};
+use haff_surfaces::{Revolution, Side, Sphere};
 
 use super::{Random, add, class, scatter, set_restitution, system};
 
@@ -215,6 +215,19 @@ pub fn features() -> Vec<(&'static str, System)> {
         (
             "inlets and outlets, contact.rest_speed",
             circuit(with(falling(&[0.5, 0.3], 0.5), |scene| scene.contacts.rest_speed = 0.05)),
+        ),
+        (
+            "container with open axes",
+            with(system(Dimension::Three, DVec3::splat(13.0), [Boundary::Open; 3]), |scene| {
+                let surface = Sphere { center: DVec3::splat(6.5), radius: 6.5, side: Side::Inside };
+                let numbers = format!("{surface:?}");
+                let shape = Some(Shape::Named(NamedSurface::of("flask", &numbers, Box::new(surface))));
+                let (point, normal, motion) = (DVec3::ZERO, DVec3::ZERO, WallMotion::Fixed);
+                add_wall(scene, Wall { name: "flask".into(), point, normal, motion, shape });
+                let kind = class(scene, 0.5, 1.0);
+                scatter(scene, kind, 100, 1.0, &mut Random(6));
+                set_restitution(scene, 0.9);
+            }),
         ),
         ("open axis", box_of([Boundary::Open, Boundary::Periodic, Boundary::Wall], &[0.5], 0.9)),
         ("edge of two diameters", lone(2.0)),
