@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import haff
 from haff import analysis, theory
 
 pytestmark = pytest.mark.physics
@@ -34,3 +35,39 @@ def test_a_gas_under_a_piston_has_the_pressure_of_its_load(command):
     error = (pressure(n.mean + n.error) - pressure(n.mean - n.error)) / 2
     z = (pressure(n.mean) - 0.5) / error
     assert abs(z) < 3.5 and error < 0.01, f"pressure {pressure(n.mean)} ± {error}, expected 0.5: z = {z:.1f}"
+
+
+def test_two_gases_beside_a_piston_come_to_one_temperature_and_one_pressure(tmp_path):
+    """A light piston between as many hot spheres as cold ones: it ends in the middle, and passes heat on."""
+    gas = {"count": 100, "radius": 0.4, "mass": 1.0}
+    regions = {"hot": [[0, 0, 0], [9.5, 8, 8]], "cold": [[10.5, 0, 0], [40, 8, 8]]}
+    scene = {
+        "seed": 2,
+        "domain": {"size": [40.0, 8.0, 8.0], "boundary": ["wall", "periodic", "periodic"]},
+        "species": [
+            {**gas, "name": name, "temperature": 3.0 if name == "hot" else 1.0, "region": {"box": box}}
+            for name, box in regions.items()
+        ],
+        "wall": [
+            {"name": "piston", "plane": {"point": [10, 0, 0], "normal": [1, 0, 0], "two-sided": True}, "mass": 1.0}
+        ],
+        "run": {"until": 6000.0},
+        "output": {"frames": 2000.0, "observables": 2.0},
+    }
+    with haff.run(scene, file=tmp_path / "gases.h5").file as run:
+        table = run.observables[100:]
+        x, piston = run.frames[-1].position[:, 0], run.frames[-1].piston_position[0, 0]
+    # Each gas has stayed on its side.
+    assert (x[:100] < piston - 0.4 + 1e-9).all() and (x[100:] > piston + 0.4 - 1e-9).all()
+    difference = table["species_temperature_hot"] - table["species_temperature_cold"]
+    # E = 3/2 N T + T/2 in all.
+    temperature = 600.0 / (1.5 * 200 + 0.5)
+    for name, series, expected, largest in (
+        ("position", table["piston_position_piston_x"], 20.0, 0.2),
+        ("difference of temperatures", difference, 0.0, 0.05),
+        ("energy of the piston", table["piston_energy"], temperature / 2, 0.05),
+    ):
+        found = analysis.block_average(series.to_numpy(), 15)
+        z = (found.mean - expected) / found.error
+        assert abs(z) < 3.5 and found.error < largest, f"{name}: {found}, expected {expected}: z = {z:.1f}"
+    assert (table["ledger_residual"].abs() < 1e-12).all() and (table["load_work"] == 0).all()
