@@ -108,7 +108,7 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
 def displacement(file: Recording, wall: dict[str, Any], time: float) -> Array:
     """``[3]`` how far a wall is at a time from where its shape has it [length]."""
     moved = np.array(mean_displacement(wall, time))
-    if "mass" in wall and (path := pistons.path(file, wall)) is not None:
+    if (path := pistons.path(file, wall, exact=False)) is not None:
         return path.at(time) * unit(wall["plane"]["normal"])
     if (motion := wall.get("motion")) is None:
         return moved

@@ -16,6 +16,8 @@ __all__ = ["Path", "path"]
 
 MOST = 20_000
 """Impacts up to which a path has the flight between any two of them."""
+LONGEST = 5_000_000
+"""Rows of an event log up to which it is read for them."""
 
 
 class Path(NamedTuple):
@@ -40,11 +42,11 @@ class Path(NamedTuple):
         return float(straight + bend * (since / step) ** 2)
 
 
-def path(file: Recording, wall: dict[str, Any]) -> Path | None:
-    """The path of the piston of an entry of ``[[wall]]``; ``None`` if the file has no frames.
+def path(file: Recording, wall: dict[str, Any], *, exact: bool = True) -> Path | None:
+    """The path of the piston of an entry of ``[[wall]]``; ``None`` for other walls, and if the file has no frames.
 
-    With an event log it is exact: impacts start flights anew. Without one, and where there are very many impacts, there
-    is one flight from frame to frame.
+    With an event log it is exact: impacts start flights anew. Without one, for very many events, and unless ``exact``,
+    there is one flight from frame to frame, which is exact at the times of the frames.
     """
     index = next((k for k, other in enumerate(pistons(file.scene)) if other is wall), None)
     if index is None or index >= len(file.pistons) or "frames" not in file or len(file.frames) == 0:
@@ -54,14 +56,14 @@ def path(file: Recording, wall: dict[str, Any]) -> Path | None:
     point = np.array([*map(float, wall["plane"]["point"]), 0.0][:3])
     displacement = (frames.array("piston_position")[:, index] - point) @ normal
     speed = frames.array("piston_velocity")[:, index] @ normal
-    times = np.asarray(frames.time, float)
-    return _with_impacts(file, index, wall, Path(times, displacement, speed)) or Path(times, displacement, speed)
+    recorded = Path(np.asarray(frames.time, float), displacement, speed)
+    return (_with_impacts(file, index, wall, recorded) if exact else None) or recorded
 
 
 def _with_impacts(file: Recording, index: int, wall: dict[str, Any], recorded: Path) -> Path | None:
     """The path with a knot at each impact between the frames; ``None`` without a log that has them."""
     needed = ("time", "kind", "j", "impulse", "normal")
-    if "events" not in file or any(name not in file.events.columns for name in needed):
+    if "events" not in file or len(file.events) > LONGEST or not set(needed) <= set(file.events.columns):
         return None
     events, row = file.events, file.wall_names.index(file.pistons[index])
     codes = [code for code, kind in events.kinds.items() if kind == "wall"]

@@ -40,7 +40,7 @@ class Measured:
 
     @property
     def state_hash(self) -> str:
-        """Hash of every particle's position, velocity and image; equal for equal trajectories."""
+        """Hash of every particle's position, velocity and image, and of pistons; equal for equal trajectories."""
         return self._core.state_hash
 
     def take_events(self) -> pd.DataFrame:

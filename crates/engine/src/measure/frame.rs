@@ -70,7 +70,8 @@ fn whole(frame: &Frame, ids: &[u32], all: usize, has_spins: bool) -> Frame {
     }
 }
 
-/// A 128-bit hash of every particle's position, velocity and image at the present, and of its spin.
+/// A 128-bit hash of every particle's position, velocity and image at the present, of its spin, and of the
+/// positions and velocities of pistons.
 pub(crate) fn hash(world: &World) -> u128 {
     let mut hasher = Xxh3::new();
     // In blocks: hashing a few bytes per call is slow, and a frame would be a copy of all particles.
@@ -92,6 +93,9 @@ pub(crate) fn hash(world: &World) -> u128 {
             }
         }
         hasher.update(&block);
+    }
+    for number in world.states_of_pistons().iter().flatten().flat_map(DVec3::to_array) {
+        hasher.update(&number.to_le_bytes());
     }
     hasher.digest128()
 }

@@ -54,9 +54,4 @@ impl Piston {
         let Self { displacement, speed, since, .. } = *self;
         [("displacement", displacement), ("speed", speed), ("since", since.high), ("since_low", since.low)]
     }
-
-    /// Sets the flight.
-    pub(crate) fn set_flight(&mut self, displacement: f64, speed: f64, since: Instant) {
-        (self.displacement, self.speed, self.since) = (displacement, speed, since);
-    }
 }

@@ -168,17 +168,21 @@ impl Wall {
     /// with particles on both sides, without sign.
     #[must_use]
     pub fn distance(&self, position: DVec3, at: impl WallTime) -> f64 {
-        let moved = || self.point + self.motion.displacement(self.normal, at);
         match &self.shape {
-            None => (position - moved()).dot(self.normal),
-            Some(Shape::Partition(partition)) => partition.distance(position - self.shift(at)),
-            Some(Shape::Named(named)) => named.get().distance(position - moved()),
+            None => (position - (self.point + self.motion.displacement(self.normal, at))).dot(self.normal),
+            Some(shape) => shape.surface().distance(position - self.moved(at)),
         }
     }
 
-    /// Displacement of a partition from its given position at a time: that of a piston \[length\].
-    fn shift(&self, at: impl WallTime) -> DVec3 {
-        self.piston().map_or(DVec3::ZERO, |piston| self.normal * piston.at(at.instant()).0)
+    /// Where the coordinates of the surface begin at its reference time or on average \[length\]: those of a
+    /// partition are those of the box.
+    pub(crate) fn origin(&self) -> DVec3 {
+        if matches!(self.shape, Some(Shape::Partition(_))) { DVec3::ZERO } else { self.point }
+    }
+
+    /// Where the coordinates of the surface begin at a time \[length\].
+    pub(crate) fn moved(&self, at: impl WallTime) -> DVec3 {
+        self.origin() + self.motion.displacement(self.normal, at)
     }
 
     /// Unit normal of the wall at the point that is the nearest to a position at a time: the gradient of the
@@ -187,11 +191,7 @@ impl Wall {
     pub fn normal_at(&self, position: DVec3, at: impl WallTime) -> DVec3 {
         match &self.shape {
             None => self.normal,
-            Some(Shape::Partition(partition)) => Surface::normal(partition, position - self.shift(at)),
-            Some(Shape::Named(named)) => {
-                let moved = self.point + self.motion.displacement(self.normal, at);
-                named.get().normal(position - moved)
-            }
+            Some(shape) => shape.surface().normal(position - self.moved(at)),
         }
     }
 

@@ -85,22 +85,21 @@ impl World {
     ) -> Option<f64> {
         let horizon = ((self.now - anchor.time).max(0) as f64 + HORIZON) * self.clock.tick;
         let within = within.min(horizon);
-        let flight = match shape {
-            // No search for partners predicts contacts with pistons (`search/pistons.rs`).
-            Shape::Partition(_) if self.is_piston(wall) => return None,
-            Shape::Partition(_) => RelativeFlight::new(anchor.position, anchor.velocity, acceleration),
-            Shape::Named(_) => self.relative_flight(anchor, acceleration, wall),
-        };
+        if self.is_piston(wall) {
+            // No search for partners predicts these contacts (`search/pistons.rs`).
+            return None;
+        }
+        let flight = self.relative_flight(anchor, acceleration, wall);
         let delay = shape.surface().time_to_contact(&flight, radius, within)?;
         Some(delay * self.clock.per_time)
     }
 
-    /// The flight of a particle from its anchor on, relative to a wall that is neither a half-space nor a
-    /// partition, in the coordinates of its surface.
+    /// The flight of a particle from its anchor on, relative to a wall that is no half-space, in the
+    /// coordinates of its surface.
     pub fn relative_flight(&self, anchor: &Particle, acceleration: DVec3, wall: u32) -> RelativeFlight {
         let wall = &self.boundary.walls[wall as usize];
         let at = (&self.clock, anchor.time);
-        let position = anchor.position - wall.point;
+        let position = anchor.position - wall.origin();
         let mut flight = RelativeFlight::new(position, anchor.velocity, acceleration);
         match &wall.motion {
             WallMotion::Fixed | WallMotion::Rotating(_) | WallMotion::Piston(_) => {}
@@ -116,18 +115,11 @@ impl World {
         flight
     }
 
-    /// Position and velocity relative to the surface of a wall, in the coordinates of this surface. Those of
-    /// a partition are those of the box, less the displacement of a piston.
+    /// Position and velocity relative to the surface of a wall, in the coordinates of this surface.
     fn relative_to(&self, wall: u32, (position, velocity): (DVec3, DVec3), ticks: i64) -> (DVec3, DVec3) {
         let wall = &self.boundary.walls[wall as usize];
         let at = (&self.clock, ticks);
-        let shift = match (wall.surface(), wall.piston()) {
-            (None, None) => return (position, velocity),
-            (None, Some(_)) => DVec3::ZERO,
-            (Some(_), _) => wall.point,
-        };
-        let moved = shift + wall.motion.displacement(wall.normal, at);
-        (position - moved, velocity - wall.motion.velocity(wall.normal, at))
+        (position - wall.moved(at), velocity - wall.motion.velocity(wall.normal, at))
     }
 
     /// Signed distance of a position of particle i from a wall at present \[length\]: of a closed surface

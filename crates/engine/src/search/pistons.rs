@@ -1,28 +1,42 @@
 //! Contacts with pistons, beside any scheduler for all other events.
 //!
 //! An impact changes the flight of a piston, and so its contacts with all particles. They are therefore not
-//! events of the particles: each piston has the times of its contacts with all particles in a tournament
-//! tree, with the earliest one at its root. An event of a particle replaces one time, an impact on the piston
-//! all of them. Contacts follow every other event of the same tick.
+//! events of the particles: each piston has its own contacts, in the order of their times. An event of a
+//! particle replaces one of them, an impact on the piston all. Those up to a horizon are computed, a few
+//! intervals between two impacts later; that others are not earlier takes neither a flight in space nor a
+//! root. Contacts follow every other event of the same tick.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::DVec3;
 use haff_mechanics::time_to_plane;
 use haff_neighbors::Geometry;
 
 use crate::{
     laws::event::{AnyEvent, Impact, Pause, PhysicalEvent},
-    model::{features::Features, wall_law::WallLaw},
-    numerics::clock::whole,
+    model::{Piston, features::Features, wall_law::WallLaw},
+    numerics::clock::{EPOCH, whole},
     search::{
         batch::Kernel,
         carried,
         earliest::Earliest,
         entry::Entry,
         event_loop::{Limit, Next, Scheduler},
+        planes,
         search_event::SearchEvent,
     },
-    state::{State, world::World},
+    state::{
+        State,
+        particle::{ClassData, Particle},
+        world::World,
+    },
 };
 
+/// Rounding of a distance from a piston is less than this part of the extent of the system.
+const SLACK: f64 = 1e-9;
+/// Longest time from a prediction of all contacts to their horizon [ticks]: in it a particle crosses the
+/// system.
+const LONGEST: i64 = EPOCH / 64;
 /// No contact at any time [ticks].
 const NEVER: i64 = i64::MAX;
 /// A contact later than this is predicted again in a later epoch of the clock [ticks].
@@ -33,92 +47,186 @@ const LATER: i64 = i64::MAX - 1;
 struct Contact {
     /// [ticks]
     time: i64,
-    /// The particle.
-    i: u32,
+    /// The particle; none at the horizon.
+    i: Option<u32>,
     /// It touches the piston by then, or is predicted again.
     touches: bool,
 }
 
-/// The contacts of a piston with all particles; the earliest one is found at once.
+/// The contacts of a piston up to a horizon.
 #[derive(Debug)]
 struct Contacts {
     wall: u32,
-    /// A tree whose node k has the earlier one of its nodes 2k and 2k + 1; the particles are its last level.
-    tree: Vec<Contact>,
-    /// Number of nodes of the last level, a power of two.
-    width: usize,
+    /// In the order of their times, and by particle.
+    ordered: BTreeSet<Contact>,
+    of: BTreeMap<u32, Contact>,
+    /// When they were all predicted, and until when they are known; always, if that is never \[ticks\].
+    made: i64,
+    horizon: i64,
 }
 
 impl Contacts {
     fn new(wall: u32) -> Self {
-        Self { wall, tree: Vec::new(), width: 0 }
+        Self { wall, ordered: BTreeSet::new(), of: BTreeMap::new(), made: 0, horizon: NEVER }
     }
 
+    /// The earliest one, or the horizon.
     fn first(&self) -> Contact {
-        self.tree.get(1).copied().unwrap_or(Contact { time: NEVER, i: 0, touches: false })
+        let end = Contact { time: self.horizon, i: None, touches: false };
+        self.ordered.first().map_or(end, |&contact| contact.min(end))
     }
 
-    /// Predicts the contacts of all particles.
-    fn rebuild<F: Features>(&mut self, world: &World) {
-        let count = world.particles.len();
-        // At least two, so that the root is no particle.
-        self.width = count.next_power_of_two().max(2);
-        self.tree.clear();
-        self.tree.resize(2 * self.width, Contact { time: NEVER, i: u32::MAX, touches: false });
-        for i in 0..count {
-            self.tree[self.width + i] = contact::<F>(world, i as u32, self.wall);
+    /// Replaces the contact of a particle.
+    fn replace(&mut self, i: u32, contact: Option<Contact>) {
+        let old = match contact {
+            Some(contact) => self.of.insert(i, contact),
+            None => self.of.remove(&i),
+        };
+        if let Some(old) = old {
+            self.ordered.remove(&old);
         }
-        for k in (1..self.width).rev() {
-            self.tree[k] = self.tree[2 * k].min(self.tree[2 * k + 1]);
-        }
+        self.ordered.extend(contact);
     }
 
-    /// Predicts the contact of particle i.
-    fn predict<F: Features>(&mut self, world: &World, i: u32) {
-        let mut k = self.width + i as usize;
-        self.tree[k] = contact::<F>(world, i, self.wall);
-        while k > 1 {
-            k /= 2;
-            let earlier = self.tree[2 * k].min(self.tree[2 * k + 1]);
-            if self.tree[k] == earlier {
-                break;
+    /// Predicts the contacts of all particles within a time from now on [ticks].
+    fn predict_all<F: Features>(&mut self, world: &World, window: i64) {
+        (self.made, self.horizon) = (world.now, world.now.saturating_add(window));
+        self.ordered.clear();
+        self.of.clear();
+        if let Some(target) = Target::of(world, self) {
+            for i in 0..world.particles.len() as u32 {
+                if let Some(contact) = target.contact::<F>(world, i) {
+                    self.replace(i, Some(contact));
+                }
             }
-            self.tree[k] = earlier;
+        }
+    }
+
+    /// Predicts the contacts of all particles up to another horizon: twice as far as the last one was needed,
+    /// but not less than half as far as it was. No trajectory depends on it.
+    fn go_on<F: Features>(&mut self, world: &World) {
+        let (needed, last) = (world.now - self.made, self.horizon.saturating_sub(self.made));
+        self.predict_all::<F>(world, needed.saturating_mul(2).max(last / 2).clamp(1, LONGEST));
+    }
+
+    /// Predicts the contacts of some particles.
+    fn predict<F: Features>(&mut self, world: &World, bodies: &[u32]) {
+        if let Some(target) = Target::of(world, self) {
+            for &i in bodies {
+                self.replace(i, target.contact::<F>(world, i));
+            }
         }
     }
 }
 
-/// The next contact of particle i with a piston: a function of the anchors of both.
-fn contact<F: Features>(world: &World, i: u32, wall: u32) -> Contact {
-    let never = Contact { time: NEVER, i, touches: false };
-    let class = world.class(i);
-    let Some(piston) = world.piston(wall) else { return never };
-    if world.laws.has_passages && world.wall_law(class, wall) == WallLaw::Passes {
-        return never;
+/// What contacts with a piston have in common.
+struct Target<'a> {
+    wall: u32,
+    piston: &'a Piston,
+    point: DVec3,
+    normal: DVec3,
+    /// Whether particles are on both sides.
+    is_two_sided: bool,
+    /// Start of its flight or of the epoch, to the tick, and displacement and speed there.
+    start: i64,
+    at_start: (f64, f64),
+    /// Contacts later than this are not wanted \[ticks\]; the same from its start on, somewhat longer
+    /// \[time\].
+    horizon: i64,
+    wanted: f64,
+    /// Distances are rounded by less \[length\].
+    slack: f64,
+}
+
+impl<'a> Target<'a> {
+    fn of(world: &'a World, contacts: &Contacts) -> Option<Self> {
+        let wall = &world.boundary.walls[contacts.wall as usize];
+        let piston = world.piston(contacts.wall)?;
+        // Not before this epoch of the clock, in which all contacts are predicted anew. It is up to a tick
+        // from the start of the flight: both flights go on through it.
+        let since = piston.since.since(world.clock.instant(0)).max(0.0);
+        let start = whole(since * world.clock.per_time);
+        Some(Self {
+            wall: contacts.wall,
+            piston,
+            point: wall.point,
+            normal: wall.normal,
+            is_two_sided: wall.shape.is_some(),
+            start,
+            at_start: piston.at(world.clock.instant(start)),
+            horizon: contacts.horizon,
+            // Also for anchors that are later: their way to the horizon is shorter.
+            wanted: planes::searched(
+                contacts.horizon.saturating_sub(start) as f64 * world.clock.tick,
+                world.clock.tick,
+            ),
+            slack: SLACK * world.resolution.extent.max(wall.point.abs().max_element()),
+        })
     }
-    // From the later one of the anchors on, of which none is older than some epochs.
-    let anchor = world.particles[i as usize].time;
-    let later = piston.since.since(world.clock.instant(anchor)).max(0.0) * world.clock.per_time;
-    let start = anchor + whole(later);
-    if F::GRAVITY
-        && let Some(carrier) = world.carrier(i)
-    {
-        let entry = Entry::none(i, 0);
-        let mut earliest = Earliest { entry, far: false };
-        if carried::predict_wall::<F>(world, i, carrier, (wall, start), &mut earliest) {
-            let touches = matches!(earliest.entry.target.kind(), SearchEvent::Wall(_));
-            return Contact { time: earliest.entry.time, i, touches };
+
+    /// The next contact of particle i, a function of the anchors of both; perhaps none, if it is later than
+    /// the horizon.
+    #[inline]
+    fn contact<F: Features>(&self, world: &World, i: u32) -> Option<Contact> {
+        let particle = &world.particles[i as usize];
+        let class = world.class(i);
+        if !particle.rests() && self.is_later(world, particle, class) {
+            return None;
         }
+        self.exact_contact::<F>(world, i, class)
     }
-    let (position, velocity) = world.flight::<F>(i, start);
-    let (distance, rate) = world.wall_approach(wall, class.radius, position, velocity, start);
-    let towards = world.contact_normal(i, wall, (position, velocity), start);
-    let acceleration = if F::GRAVITY { world.acceleration(i).dot(towards) } else { 0.0 };
-    let of_piston = piston.acceleration * world.boundary.walls[wall as usize].normal.dot(towards);
-    let Some(delay) = time_to_plane(distance, rate, acceleration - of_piston) else { return never };
-    let delay = delay * world.clock.per_time;
-    let time = if delay < LATER as f64 / 4.0 { start + whole(delay) } else { LATER };
-    Contact { time, i, touches: true }
+
+    /// Whether a particle on its way that is not at rest certainly touches the piston later than the horizon.
+    #[inline]
+    fn is_later(&self, world: &World, particle: &Particle, class: &ClassData) -> bool {
+        if self.horizon == NEVER {
+            return false;
+        }
+        let gravity = if class.inverse_mass == 0.0 { 0.0 } else { world.gravity.dot(self.normal) };
+        let age = (self.start - particle.time) as f64 * world.clock.tick;
+        let speed = particle.velocity.dot(self.normal);
+        let height = (particle.position - self.point).dot(self.normal) - self.at_start.0
+            + (speed + 0.5 * gravity * age) * age;
+        let (rate, acceleration) =
+            (speed + gravity * age - self.at_start.1, gravity - self.piston.acceleration);
+        let side = if self.is_two_sided { 1.0_f64.copysign(height) } else { 1.0 };
+        let approach = (-side * rate).max(0.0) + 0.5 * (-side * acceleration).max(0.0) * self.wanted;
+        side * height - class.radius > approach * self.wanted + self.slack
+    }
+
+    fn exact_contact<F: Features>(&self, world: &World, i: u32, class: &ClassData) -> Option<Contact> {
+        let &Self { wall, piston, point, normal, is_two_sided, start, at_start, .. } = self;
+        if world.laws.has_passages && world.wall_law(class, wall) == WallLaw::Passes {
+            return None;
+        }
+        // From the later one of the anchors on.
+        let anchor = world.particles[i as usize].time;
+        let (start, (displacement, speed)) = if anchor <= start {
+            (start, at_start)
+        } else {
+            (anchor, piston.at(world.clock.instant(anchor)))
+        };
+        if let Some(carrier) = world.carrier(i) {
+            let mut earliest = Earliest { entry: Entry::none(i, 0), far: false };
+            if carried::predict_wall::<F>(world, i, carrier, (wall, start), &mut earliest) {
+                let Entry { time, target, .. } = earliest.entry;
+                let touches = matches!(target.kind(), SearchEvent::Wall(_));
+                return (time < NEVER).then_some(Contact { time, i: Some(i), touches });
+            }
+        }
+        let (position, velocity) = world.flight::<F>(i, start);
+        let height = (position - (point + normal * displacement)).dot(normal);
+        let side = if is_two_sided { 1.0_f64.copysign(height) } else { 1.0 };
+        let rate = side * (velocity - normal * speed).dot(normal);
+        let acceleration = side * (world.acceleration(i).dot(normal) - piston.acceleration);
+        let delay = time_to_plane(side * height - class.radius, rate, acceleration)?;
+        Some(Contact { time: later(start, delay * world.clock.per_time), i: Some(i), touches: true })
+    }
+}
+
+/// The tick that is `delay` [ticks] after `start`.
+fn later(start: i64, delay: f64) -> i64 {
+    if delay < LATER as f64 / 4.0 { start + whole(delay) } else { LATER }
 }
 
 /// A scheduler for all events but contacts with pistons, and these contacts.
@@ -133,18 +241,12 @@ impl<S: Scheduler> WithPistons<S> {
         Self { inner, pistons: pistons.map(|wall| Contacts::new(wall as u32)).collect() }
     }
 
-    fn predict_all(&mut self, world: &World) {
-        for contacts in &mut self.pistons {
-            contacts.rebuild::<S::Features>(world);
-        }
+    fn rebuild_contacts(&mut self, world: &World) {
+        self.pistons.iter_mut().for_each(|contacts| contacts.predict_all::<S::Features>(world, LONGEST));
     }
 
     fn predict(&mut self, world: &World, bodies: &[u32]) {
-        for contacts in &mut self.pistons {
-            for &i in bodies {
-                contacts.predict::<S::Features>(world, i);
-            }
-        }
+        self.pistons.iter_mut().for_each(|contacts| contacts.predict::<S::Features>(world, bodies));
     }
 }
 
@@ -158,13 +260,13 @@ impl<S: Scheduler<Event = AnyEvent>> Scheduler for WithPistons<S> {
 
     fn rebuild(&mut self, state: &mut State, geometry: &Geometry) {
         self.inner.rebuild(state, geometry);
-        self.predict_all(&state.world);
+        self.rebuild_contacts(&state.world);
     }
 
     fn next<const VECTORS: bool>(&mut self, state: &mut State, limit: &mut Limit) -> Next<AnyEvent> {
         loop {
             let firsts = self.pistons.iter().zip(0..).map(|(contacts, k)| (contacts.first(), k));
-            let (first, k) = firsts.min().unwrap_or((Contact { time: NEVER, i: 0, touches: false }, 0));
+            let (first, k) = firsts.min().unwrap_or((Contact { time: NEVER, i: None, touches: false }, 0));
             let due = first.time.max(state.world.now);
             let bound = limit.ticks;
             limit.ticks = bound.min(due);
@@ -173,12 +275,17 @@ impl<S: Scheduler<Event = AnyEvent>> Scheduler for WithPistons<S> {
             if !matches!(next, Next::Nothing) || due > bound || first.time >= LATER {
                 return next;
             }
-            if first.touches {
-                let wall = self.pistons[k].wall;
-                return Next::Event(due, AnyEvent::Impact(Impact::Wall { i: first.i, wall }));
+            let contacts = &mut self.pistons[k];
+            if let (Some(i), true) = (first.i, first.touches) {
+                return Next::Event(due, AnyEvent::Impact(Impact::Wall { i, wall: contacts.wall }));
             }
             state.world.now = due;
-            self.predict(&state.world, &[first.i]);
+            match first.i {
+                Some(i) => contacts.predict::<S::Features>(&state.world, &[i]),
+                // Nothing else can happen: whether there is a contact at any time.
+                None if self.inner.is_idle() => contacts.predict_all::<S::Features>(&state.world, NEVER),
+                None => contacts.go_on::<S::Features>(&state.world),
+            }
             limit.entries -= 1;
             if limit.entries == 0 {
                 return Next::Interrupted;
@@ -196,8 +303,9 @@ impl<S: Scheduler<Event = AnyEvent>> Scheduler for WithPistons<S> {
         let ([i, j], wall) = event.participants();
         let Some(wall) = wall.filter(|&wall| state.world.is_piston(wall)) else {
             let pause = self.inner.update::<VECTORS>(state, event, woken, limit);
-            self.predict(&state.world, &[i, j]);
-            self.predict(&state.world, woken);
+            // No grain wakes: none is put to rest beside a piston.
+            let bodies = [i, j];
+            self.predict(&state.world, &bodies[usize::from(i == j)..]);
             return pause;
         };
         // A body of infinite mass keeps its flight, and all other events that are predicted for it.
@@ -206,9 +314,9 @@ impl<S: Scheduler<Event = AnyEvent>> Scheduler for WithPistons<S> {
         }
         for contacts in &mut self.pistons {
             if contacts.wall == wall {
-                contacts.rebuild::<S::Features>(&state.world);
+                contacts.go_on::<S::Features>(&state.world);
             } else {
-                contacts.predict::<S::Features>(&state.world, i);
+                contacts.predict::<S::Features>(&state.world, &[i]);
             }
         }
         None
@@ -230,20 +338,26 @@ impl<S: Scheduler<Event = AnyEvent>> Scheduler for WithPistons<S> {
 
 #[cfg(test)]
 mod tests {
+    use haff_testing::Random;
+
     use super::*;
 
     #[test]
-    fn the_root_is_the_earliest_contact() {
-        let width = 8;
-        let never = Contact { time: NEVER, i: u32::MAX, touches: false };
-        let mut contacts = Contacts { wall: 0, tree: vec![never; 2 * width], width };
-        assert_eq!(contacts.first().time, NEVER);
-        for (i, time) in [(0, 7), (1, 3), (2, 3), (3, 9), (4, 2)] {
-            contacts.tree[width + i as usize] = Contact { time, i, touches: true };
+    fn the_first_contact_is_the_earliest_one_or_the_horizon() {
+        let mut random = Random(3);
+        let mut contacts = Contacts::new(0);
+        let mut expected: Vec<Option<Contact>> = vec![None; 13];
+        for (step, horizon) in [NEVER, 2, NEVER].into_iter().cycle().enumerate().take(3000) {
+            contacts.horizon = horizon;
+            let i = step % expected.len();
+            // Many at one time, and some never.
+            let time = [Some(1), Some(2), Some(3), None][random.index(4)];
+            expected[i] = time.map(|time| Contact { time, i: Some(i as u32), touches: true });
+            contacts.replace(i as u32, expected[i]);
+            let end = Contact { time: horizon, i: None, touches: false };
+            let least = expected.iter().flatten().copied().min().map_or(end, |least| least.min(end));
+            assert_eq!(contacts.first(), least, "step {step}");
+            assert_eq!(contacts.of.len(), contacts.ordered.len());
         }
-        for k in (1..width).rev() {
-            contacts.tree[k] = contacts.tree[2 * k].min(contacts.tree[2 * k + 1]);
-        }
-        assert_eq!(contacts.first(), Contact { time: 2, i: 4, touches: true });
     }
 }

@@ -19,20 +19,6 @@ pub(crate) fn searched(duration: f64, tick: f64) -> f64 {
     duration * (1.0 + 1e-9) + tick
 }
 
-impl FilteredShape {
-    fn of(wall: &Wall, index: u32) -> Option<Self> {
-        let surface = wall.surface()?;
-        let around = match (surface.enclosure(), &wall.motion) {
-            (Some([low, high]), WallMotion::Fixed | WallMotion::Rotating(_)) => 0.5 * (low + high),
-            _ => DVec3::INFINITY,
-        };
-        let is_usable = around.is_finite();
-        let clearance = if is_usable { surface.distance(around).abs() * (1.0 - SLACK) } else { 0.0 };
-        let center = if is_usable { around + wall.point } else { DVec3::ZERO };
-        Some(Self { surface, center, clearance, wall: index })
-    }
-}
-
 /// The walls of a system as planes, and those of other shapes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {
@@ -63,12 +49,27 @@ struct FilteredPlane {
 #[derive(Debug, Clone, Copy)]
 struct FilteredShape {
     surface: &'static dyn Surface,
-    /// A point, and its distance from the surface \[length\]: that of another position is at most smaller by
-    /// their distance. Of a wall that moves, 0.
+    /// The middle of a container, and its distance from the surface \[length\]: that of another position is
+    /// smaller by at most their distance. Of other walls the distance is 0.
     center: DVec3,
     clearance: f64,
     /// Its index.
     wall: u32,
+}
+
+impl FilteredShape {
+    fn of(wall: &Wall, index: u32) -> Option<Self> {
+        let surface = wall.surface()?;
+        let middle = match wall.motion {
+            WallMotion::Fixed | WallMotion::Rotating(_) => surface.enclosure().map(|[a, b]| 0.5 * (a + b)),
+            _ => None,
+        };
+        let (center, clearance) = match middle.filter(|middle| middle.is_finite()) {
+            Some(middle) => (middle + wall.point, surface.distance(middle) * (1.0 - SLACK)),
+            None => (DVec3::ZERO, 0.0),
+        };
+        Some(Self { surface, center, clearance, wall: index })
+    }
 }
 
 impl Planes {
@@ -148,6 +149,7 @@ impl Planes {
             }
             let flight = world.relative_flight(anchor, acceleration, wall);
             let swing = flight.swing.map_or(0.0, |swing| swing.oscillation.amplitude);
+            // Relative to the wall.
             let path = (flight.velocity.length() + 0.5 * acceleration.length() * duration) * duration;
             let reach = radius + self.slack + swing + path;
             // Also where it is not a number.

@@ -378,7 +378,8 @@ impl Simulation {
             valid::passages(&system, count, [entered, left, left_before])?;
             (population.entered, population.left, population.left_before) = (entered, left, left_before);
         }
-        world.load_pistons(&mut scalars)?;
+        world.load_pistons(&mut scalars);
+        valid::pistons(&world)?;
         let mut actions = actions(&system);
         for action in &mut actions {
             action.load(&mut |name| scalars.take(name), time)?;

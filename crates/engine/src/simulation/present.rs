@@ -105,7 +105,8 @@ impl Simulation {
         self.state.accumulators.max_overlap
     }
 
-    /// Hash of the present position, velocity and image of every particle, as 32 hexadecimal digits.
+    /// Hash of the present position, velocity and image of every particle, and of the position and velocity
+    /// of every piston, as 32 hexadecimal digits.
     pub fn state_hash(&self) -> String {
         format!("{:032x}", frame::hash(&self.state.world))
     }

@@ -157,6 +157,26 @@ pub(crate) fn passages(
     require(left_before <= left, || format!("flow.left_before = {left_before} must be at most {left}"))
 }
 
+/// Checks the flights of pistons.
+pub(crate) fn pistons(world: &World) -> Result<(), EngineError> {
+    let now = world.clock.instant(world.now);
+    for (wall, piston) in world.pistons() {
+        let Instant { high, low } = piston.since;
+        within(&format!("piston.{wall}.since"), high, 0.0, now.high)?;
+        within(&format!("piston.{wall}.since_low"), low, -f64::EPSILON * high, f64::EPSILON * high)?;
+        require(piston.since <= now, || format!("piston.{wall}: its flight must have begun by now"))?;
+        let (displacement, speed) = piston.at(now);
+        for (name, value) in piston.flight()[..2]
+            .iter()
+            .copied()
+            .chain([("displacement now", displacement), ("speed now", speed)])
+        {
+            within(&format!("piston.{wall}.{name}"), value, -MAX_MAGNITUDE, MAX_MAGNITUDE)?;
+        }
+    }
+    Ok(())
+}
+
 /// Checks the walls and flags of particle i, which were decoded from `code`.
 pub(crate) fn support(
     world: &World,
