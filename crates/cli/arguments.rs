@@ -141,6 +141,12 @@ pub enum Container {
     Periodic,
     /// Walls on all sides.
     Box,
+    /// A cylinder along z with flat ends; of disks, a circle.
+    Cylinder,
+    /// A cylinder along z, periodic along it.
+    Tube,
+    /// A sphere.
+    Sphere,
 }
 
 // One bool for each switch of the command line.
@@ -151,6 +157,7 @@ pub enum Container {
   haff pack 10000 --jammed --seed 3 -o jammed.h5
   haff pack 2000 --jammed --dimension 2 --sizes '{ list = [0.5, 0.7] }' -o disks.h5
   haff pack 500 --packing-fraction 0.55 --container box -o walled.h5
+  haff pack 3000 --jammed --container tube --aspect 3 -o tube.h5
 
 The last frame of the file is the packing: a start of scenes as initial.positions = { file = \"packing.h5\" }.
 haff plot FILE --kind contacts draws it, haff.pack in Python returns it.")]
@@ -174,9 +181,12 @@ pub struct Pack {
     /// 3: spheres; 2: disks.
     #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
     pub dimension: u8,
-    /// The box.
+    /// What the particles are in.
     #[arg(long, value_enum, default_value_t = Container::Periodic)]
     pub container: Container,
+    /// Length of a cylinder or tube [its diameter].
+    #[arg(long, value_name = "RATIO", default_value_t = 2.0)]
+    pub aspect: f64,
     /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams
     /// later, and equal particles crystallise. Default: 0.1 up to packing fractions of 0.6 (disks: 0.82),
     /// 0.01 above, and 0.035 to jamming.

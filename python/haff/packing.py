@@ -301,6 +301,8 @@ class Packing(ReadOnly):
             "initial": {"positions": {"file": str(self.path.absolute())}, "temperature": 1.0},
             "run": {"until": 10.0},
         }
+        if (container := self.box.container) is not None:
+            scene["wall"] = [copy.deepcopy(container.wall)]
         changes = dotted(overrides)
         if any(key.partition(".")[0] == "growth" for key in changes):
             del scene["run"]

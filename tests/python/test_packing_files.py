@@ -338,6 +338,7 @@ NOT_FOR_PACK = {
     "sizes": NO_SIZES,
     "dimension": misuses.NO_DIMENSION,
     "container": {**misuses.NO_NAME, "walls": "walls"},
+    "aspect": misuses.without(misuses.NO_POSITIVE, "none"),
     "rate": misuses.without(misuses.NO_POSITIVE, "none"),
     "reduced_pressure": {**misuses.NO_POSITIVE, "one": 1.0, "beyond rounding": 1e13},
     "seed": misuses.NO_COUNT,
@@ -417,6 +418,45 @@ def test_packing_between_walls_touches_them():
     with haff.pack(100, "jammed", container="box", seed=3) as packing:
         assert packing.box.boundary == ("wall",) * 3 and len(packing.network.contacts.wall_rows) > 20
         assert analysis.max_overlap(packing.frame).depth < 1e-10
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(
+    ("container", "options", "turns"),
+    [
+        ("cylinder", {"aspect": 1.5}, 1),
+        ("tube", {"aspect": 3.0}, 2),
+        ("sphere", {}, 3),
+        ("cylinder", {"dimension": 2}, 1),
+    ],
+)
+def test_a_packing_in_a_container_touches_it_and_starts_scenes(container, options, turns, tmp_path):
+    sizes = [0.5, 0.6]
+    with haff.pack(200, "jammed", container=container, sizes=sizes, rate=0.01, seed=2, **options) as packing:
+        found, room = packing.network, packing.box.container
+        # The volume of the container, from its shape.
+        shape = room.wall[room.kind]
+        r, length = shape["radius"], 2 * shape["radius"] * options.get("aspect", 2.0)
+        disks = packing.dimension == 2
+        volume = np.pi * r**2 * (1.0 if disks else 4 / 3 * r if container == "sphere" else length)
+        filled = np.sum(np.pi * packing.radii**2 if disks else 4 / 3 * np.pi * packing.radii**3)
+        assert packing.packing_fraction == pytest.approx(filled / volume, rel=1e-12)
+        assert packing.file.observables["packing_fraction"].iloc[-1] == pytest.approx(filled / volume, rel=1e-12)
+        assert packing.status == "jammed" and packing.packing_fraction > (0.75 if disks else 0.5)
+        # Nothing is outside, the container is touched, and the walls of the box around it are not.
+        nearest = np.min([part(packing.positions)[0] for part in room.parts()], axis=0) - packing.radii
+        assert -1e-12 < nearest.min() < 1e-7
+        assert len(found.contacts.wall_rows) > 15 and set(found.contacts.wall_sides[:, 0]) == {3}
+        foot = packing.positions[found.contacts.wall_rows] + found.contacts.wall_vector
+        assert np.min([np.abs(part(foot)[0]) for part in room.parts()], axis=0).max() < 1e-12
+        assert found.periodic == turns
+        assert found.backbone_contacts == pytest.approx(found.isostatic_contacts, rel=0.05)
+        packing.plot(tmp_path / "contacts.png")
+        start = packing.scene(run__until=0.05)
+        with haff.run(start, file=tmp_path / "run.h5").file as run:
+            last = run.frames[-1]
+            outside = np.min([part(last.position)[0] for part in room.parts()], axis=0) - last.radius
+            assert outside.min() > -1e-12 and run.samples["wall_collisions"][-1] > 1000
 
 
 @pytest.mark.physics

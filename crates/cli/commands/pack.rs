@@ -1,6 +1,6 @@
 //! `haff pack`: a packing of equal or unequal particles by growth, in a file of its own.
 
-use std::fmt::Write;
+use std::{f64::consts::PI, fmt::Write};
 
 use haff_scene::{GrowthRun, Scene};
 
@@ -27,6 +27,10 @@ const JAMMING: f64 = 0.035;
 const FRAMES: f64 = 10.0;
 /// Rows of observables of a growth to a stated packing fraction: the last interval is not empty.
 const ROWS: f64 = 99.5;
+/// The box around a container is larger by this part.
+const AROUND: f64 = 1e-3;
+/// Packing fraction at which particles are placed only to sum their volumes.
+const DILUTE: f64 = 1e-3;
 
 /// Makes a packing. `logs`: log messages go to standard error, so no progress bar is drawn there.
 pub fn pack(options: &Pack, logs: bool) -> Result<u8, Failure> {
@@ -79,14 +83,8 @@ fn text(options: &Pack) -> Result<String, Failure> {
         ),
     };
     let rate = options.rate.unwrap_or(usual);
-    let (boundary, sizes) = (
-        match options.container {
-            Container::Periodic => "periodic",
-            Container::Box => "wall",
-        },
-        options.sizes.as_deref().unwrap_or("0.5"),
-    );
-    let boundary = vec![format!("\"{boundary}\""); d + 2].join(", ");
+    let sizes = options.sizes.as_deref().unwrap_or("0.5");
+    let room = Room::of(options, start)?;
     // At the rate of diameters of 1 the growth takes at most this time; for other sizes it is about right.
     let densest = [0.91, 0.75][d];
     let part = 1.0 - (start / options.packing_fraction.unwrap_or(densest)).powf(1.0 / (d as f64 + 2.0));
@@ -102,8 +100,8 @@ fn text(options: &Pack) -> Result<String, Failure> {
          seed = {}\n\
          dimension = {}\n\n\
          [domain]\n\
-         packing_fraction = {start:?}\n\
-         boundary = [{boundary}]\n\n\
+         {}\n\
+         boundary = [{}]\n\n\
          [[species]]\n\
          name = \"grain\"\n\
          count = {}\n\
@@ -120,11 +118,106 @@ fn text(options: &Pack) -> Result<String, Failure> {
          {end}\n\n\
          [output]\n\
          frames = {:?}\n\
-         observables = {rows:?}\n",
+         observables = {rows:?}\n\
+         {}",
         options.seed,
         options.dimension,
+        room.size,
+        room.boundary,
         options.count,
         long / FRAMES,
+        room.wall,
     );
     Ok(text)
+}
+
+/// The box, and the container in it.
+struct Room {
+    /// Its key and value.
+    size: String,
+    boundary: String,
+    /// The entry of `[[wall]]`; empty without one.
+    wall: String,
+}
+
+impl Room {
+    /// A room in which the particles have a packing fraction.
+    fn of(options: &Pack, start: f64) -> Result<Self, Failure> {
+        let d = usize::from(options.dimension);
+        let boundaries =
+            |names: &[&str]| names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+        let is_plain = matches!(options.container, Container::Periodic | Container::Box);
+        if is_plain {
+            let boundary = if options.container == Container::Box { "wall" } else { "periodic" };
+            return Ok(Self {
+                size: format!("packing_fraction = {start:?}"),
+                boundary: boundaries(&vec![boundary; d]),
+                wall: String::new(),
+            });
+        }
+        let aspect = options.aspect;
+        if !(aspect > 0.0 && aspect < 1e6) {
+            let name = say("--aspect", "aspect");
+            return Err(Failure::new(Status::Invalid, format!("{name}: must be above 0 and below 1000000")));
+        }
+        if d == 2 && options.container == Container::Tube {
+            let why = "a tube has no length in two dimensions: take the cylinder, a circle";
+            return Err(Failure::new(Status::Invalid, format!("{}: {why}", say("--container", "container"))));
+        }
+        let volume = filled(options)? / start;
+        // Nothing touches the walls of the box around it.
+        let around = |length: f64| length * (1.0 + AROUND);
+        let (radius, length) = match (options.container, d) {
+            (_, 2) => ((volume / PI).sqrt(), 0.0),
+            (Container::Sphere, _) => ((0.75 * volume / PI).cbrt(), 0.0),
+            _ => {
+                let radius = (volume / (2.0 * PI * aspect)).cbrt();
+                (radius, 2.0 * aspect * radius)
+            }
+        };
+        let width = around(2.0 * radius);
+        let middle = 0.5 * width;
+        let sides = [width, width, if length > 0.0 { length } else { width }];
+        let (mut sides, mut boundary) = (sides[..d].to_vec(), vec!["wall"; d]);
+        let shape = match (options.container, d) {
+            (Container::Sphere, 3) => {
+                format!("sphere = {{ center = [{middle:?}, {middle:?}, {middle:?}], radius = {radius:?} }}")
+            }
+            (_, 2) => format!("cylinder = {{ point = [{middle:?}, {middle:?}], radius = {radius:?} }}"),
+            (container, _) => {
+                let (mut low, mut ends) = (0.0, String::new());
+                if container == Container::Tube {
+                    boundary[2] = "periodic";
+                } else {
+                    sides[2] = around(length);
+                    low = 0.5 * (sides[2] - length);
+                    ends = format!(", length = {length:?}");
+                }
+                format!(
+                    "cylinder = {{ point = [{middle:?}, {middle:?}, {low:?}], axis = [0, 0, 1], radius = {radius:?}{ends} }}"
+                )
+            }
+        };
+        Ok(Self {
+            size: format!("size = {sides:?}"),
+            boundary: boundaries(&boundary),
+            wall: format!("\n[[wall]]\nname = \"container\"\n{shape}\n"),
+        })
+    }
+}
+
+/// The volume of all particles, in two dimensions the area [length^d].
+fn filled(options: &Pack) -> Result<f64, Failure> {
+    let sizes = options.sizes.as_deref().unwrap_or("0.5");
+    let boundary = vec!["\"periodic\""; usize::from(options.dimension)].join(", ");
+    // Radii depend on the seed, the species and the number alone.
+    let text = format!(
+        "seed = {}\ndimension = {}\n[domain]\npacking_fraction = {DILUTE:?}\nboundary = [{boundary}]\n\
+         [[species]]\nname = \"grain\"\ncount = {}\nradius = {sizes}\nmass = 1.0\n\
+         [initial]\npositions = \"random\"\ntemperature = 1.0\n[run]\nuntil = 1.0\n",
+        options.seed, options.dimension, options.count,
+    );
+    let scene =
+        haff_scene::parse("haff pack", &text, &[], &States).map_err(|errors| scene_failure(&errors))?;
+    Ok(scene.packing_fraction * scene.system.domain.volume(scene.system.dimension, 0.0))
 }

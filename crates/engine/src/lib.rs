@@ -50,9 +50,9 @@ pub use model::{
     Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Cuboid,
     Dimension, Domain, Drive, DriveKind, DrivenParticles, Flow, Grid, GridAxis, Group, Hole, Inlet,
     KickTimes, Measure, NamedAction, NamedProbe, NeighborChoice, Options, Oscillating, Outlet, Particles,
-    Partition, Piston, Probe, Rotation, Shape, Shear, SimdChoice, Spin, Supply, System, ThermalWall, Wall,
-    WallLaw, WallMotion, WallTime, bounds, common_velocity, conserved_momentum, named_action,
-    rest_speed_of_diameter,
+    Partition, Piston, Probe, Rotation, Shape, Shear, Shrinking, SimdChoice, Spin, Supply, System,
+    ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity, conserved_momentum,
+    named_action, rest_speed_of_diameter,
 };
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{

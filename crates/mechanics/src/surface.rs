@@ -45,6 +45,13 @@ pub trait Surface: fmt::Debug + Send + Sync {
         is_closed.then(|| [center - radius, center + radius])
     }
 
+    /// Volume inside of a container, in two dimensions the area in the plane z = 0 [length^d]; `None` if it
+    /// is not known. Of one that is the same everywhere along a coordinate axis, that over this edge.
+    fn volume(&self, dimension: usize, edges: DVec3) -> Option<f64> {
+        let _ = (dimension, edges);
+        None
+    }
+
     /// Whether the surface is the same everywhere along a coordinate axis, as a tube without end is along its
     /// own: then it repeats with a box that is periodic there, and smooth contacts keep the momentum along
     /// it.
@@ -82,7 +89,7 @@ pub trait Surface: fmt::Debug + Send + Sync {
         }
         let gap = |time: f64| {
             let (distance, rate) = self.approach(flight.at(time), flight.velocity_at(time));
-            (distance - radius, rate)
+            (distance - flight.radius_at(radius, time), rate - flight.swelling(radius))
         };
         let strength = flight.strength();
         // Paths in which the bound of the curvature counts.
@@ -90,16 +97,17 @@ pub trait Surface: fmt::Debug + Send + Sync {
         let mut time = 0.0;
         while time <= within {
             let (now, _) = gap(time);
-            let speed = flight.velocity_at(time).length();
+            let speed = flight.velocity_at(time).length() + flight.swelling(radius).abs();
             let is_near = now <= 2.0 * near;
             let (path, curvature) = if is_near {
-                let reached = radius + now.min(0.0);
+                let here = flight.radius_at(radius, time);
+                let reached = here + now.min(0.0);
                 let mut path = near;
                 // Nearer to the surface than the points where its curvature has no bound.
-                let mut curvature = self.curvature(reached - path, radius + now + path);
+                let mut curvature = self.curvature(reached - path, here + now + path);
                 while !curvature.is_finite() && path > SMALL * radius {
                     path *= 0.5;
-                    curvature = self.curvature(reached - path, radius + now + path);
+                    curvature = self.curvature(reached - path, here + now + path);
                 }
                 (path, curvature)
             } else {
@@ -142,6 +150,8 @@ pub struct RelativeFlight {
     pub acceleration: DVec3,
     /// The oscillation of the surface.
     pub swing: Option<Swing>,
+    /// Growth of the radius of the sphere in a unit of time, as a part of that at time 0 [1/time].
+    pub growth: f64,
 }
 
 /// An oscillation of a surface along a direction.
@@ -166,7 +176,7 @@ impl RelativeFlight {
     /// A flight beside a surface at rest.
     #[must_use]
     pub fn new(position: DVec3, velocity: DVec3, acceleration: DVec3) -> Self {
-        Self { position, velocity, acceleration, swing: None }
+        Self { position, velocity, acceleration, swing: None, growth: 0.0 }
     }
 
     /// Position relative to the surface at a time \[length\].
@@ -207,6 +217,20 @@ impl RelativeFlight {
         self.swing.map_or(f64::INFINITY, jump)
     }
 
+    /// The radius at a time of a sphere that has this radius at time 0 \[length\].
+    #[inline]
+    #[must_use]
+    pub fn radius_at(&self, radius: f64, time: f64) -> f64 {
+        radius + self.swelling(radius) * time
+    }
+
+    /// The growth of the radius of a sphere that has this radius at time 0 [length/time].
+    #[inline]
+    #[must_use]
+    pub fn swelling(&self, radius: f64) -> f64 {
+        radius * self.growth
+    }
+
     /// Whether the path is a straight line.
     #[must_use]
     pub fn is_straight(&self) -> bool {
@@ -216,19 +240,20 @@ impl RelativeFlight {
     /// The same flight from a later time on.
     #[must_use]
     pub fn from(&self, time: f64) -> Self {
-        let Self { position, velocity, acceleration, swing } = *self;
+        let Self { position, velocity, acceleration, swing, growth } = *self;
         Self {
             position: free_flight(position, velocity, acceleration, time),
             velocity: free_flight_velocity(velocity, acceleration, time),
             acceleration,
             swing: swing.map(|swing| Swing { cycles: swing.at(time), ..swing }),
+            growth: growth / (1.0 + growth * time),
         }
     }
 
-    /// Whether a straight flight never comes into a sphere.
+    /// Whether a straight flight certainly never comes into a sphere.
     #[must_use]
     pub fn misses(&self, center: DVec3, radius: f64) -> bool {
-        if radius == f64::INFINITY || !self.is_straight() {
+        if radius == f64::INFINITY || !self.is_straight() || self.growth > 0.0 {
             return false;
         }
         let from = self.position - center;

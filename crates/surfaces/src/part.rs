@@ -121,18 +121,20 @@ pub(crate) fn first_contact<P: Part>(
     within: f64,
 ) -> Option<f64> {
     debug_assert!(parts.len() <= MOST_PARTS, "all parts are tested");
+    let swelling = flight.swelling(radius);
     let mut time = 0.0;
     while time <= within {
         let moment = Moment::of(flight, radius, time);
-        let (speed, strength) = (moment.velocity.length(), moment.strength());
+        let (speed, strength) = (moment.velocity.length() + swelling.abs(), moment.strength());
+        let here = flight.radius_at(radius, time);
         let (mut free, mut step) = (f64::INFINITY, f64::INFINITY);
         let mut gaps = [0.0; MOST_PARTS];
         for (part, gap) in parts.iter().zip(&mut gaps) {
-            *gap = part.offset(moment.position).length() - radius;
+            *gap = part.offset(moment.position).length() - here;
             free = free.min(*gap);
             step = step.min(part.bend(&moment).time);
         }
-        // Without contact for this time, since no distance falls faster than the sphere moves.
+        // Without contact for this time, since no gap falls faster than the sphere moves and grows.
         let free = if free > 0.0 { time_for(free * (1.0 - SHORTER), speed, strength) } else { 0.0 };
         let is_free = free > 0.0 && free >= step;
         let least = time_for(LEAST * radius, speed, strength);
@@ -148,8 +150,9 @@ pub(crate) fn first_contact<P: Part>(
             let mut first = f64::INFINITY;
             for (part, _) in parts.iter().zip(gaps).filter(|&(_, gap)| gap.is_nan() || gap <= path) {
                 let gap = |t: f64| {
-                    let (distance, rate) = part.approach(flight.at(time + t), flight.velocity_at(time + t));
-                    (distance - radius, rate)
+                    let at = time + t;
+                    let (distance, rate) = part.approach(flight.at(at), flight.velocity_at(at));
+                    (distance - flight.radius_at(radius, at), rate - swelling)
                 };
                 let bend = part.bend(&moment);
                 let found = if bend.time < least {
@@ -171,7 +174,7 @@ pub(crate) fn first_contact<P: Part>(
     // A straight flight away from convex parts comes to none of them later.
     let moment = Moment::of(flight, radius, 0.0);
     let recedes =
-        |part: &P| part.is_convex(&moment) && part.approach(moment.position, moment.velocity).1 >= 0.0;
+        |part: &P| part.is_convex(&moment) && part.approach(moment.position, moment.velocity).1 >= swelling;
     if flight.is_straight() && parts.iter().all(recedes) { None } else { Some(f64::INFINITY) }
 }
 
@@ -191,7 +194,7 @@ pub(crate) fn first_in_step<P: Part>(
         let gap = |t: f64| {
             let at = start + (time + t);
             let (distance, rate) = part.approach(flight.at(at), flight.velocity_at(at));
-            (distance - radius, rate)
+            (distance - flight.radius_at(radius, at), rate - flight.swelling(radius))
         };
         if let Some(found) = first_contact_bounded(gap, bend.bound, radius, step, stop - time) {
             return Some(time + found);
@@ -241,8 +244,8 @@ pub(crate) fn offset<P: Part>(parts: &[P], position: DVec3) -> DVec3 {
     nearest
 }
 
-/// The normal of a contact: that of the part which a sphere approaches the fastest, of those within `reach`;
-/// of the nearest one if it approaches none of them.
+/// The normal of a contact: that of the part which a sphere approaches the fastest, of those within `reach`,
+/// also if it approaches them by its growth only; of the nearest one if none is.
 pub(crate) fn contact_normal<P: Part>(
     parts: impl Iterator<Item = P>,
     position: DVec3,
@@ -259,7 +262,7 @@ pub(crate) fn contact_normal<P: Part>(
             nearest = Some((distance, normal));
         }
         let rate = velocity.dot(normal);
-        if distance <= reach && rate < fastest.map_or(0.0, |(rate, _)| rate) {
+        if distance <= reach && fastest.is_none_or(|(least, _)| rate < least) {
             fastest = Some((rate, normal));
         }
     }

@@ -1,5 +1,7 @@
 //! Surfaces of revolution whose profile consists of straight lines: cylinders and cones.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use haff_mechanics::{RelativeFlight, Surface};
 
@@ -280,6 +282,29 @@ impl Surface for Revolution {
             [center - across * radius, center + across * radius]
         });
         Some([a[0].min(b[0]), a[1].max(b[1])])
+    }
+
+    /// From the disks at both ends; in two dimensions a circle, or a trapezoid along the axis.
+    fn volume(&self, dimension: usize, edges: DVec3) -> Option<f64> {
+        if self.side != Side::Inside {
+            return None;
+        }
+        let direction = self.bands[0].axis.direction;
+        if dimension == 2 && direction.z.abs() == 1.0 {
+            return (self.slope == 0.0).then_some(PI * self.radius * self.radius);
+        }
+        let length = match (0..dimension).find(|&axis| self.is_same_along(axis)) {
+            Some(axis) => edges[axis],
+            None => self.high - self.low,
+        };
+        let [a, b] = if self.slope == 0.0 {
+            [self.radius; 2]
+        } else {
+            [self.low, self.high].map(|z| self.radius + self.slope * z)
+        };
+        let volume =
+            if dimension == 2 { (a + b) * length } else { PI / 3.0 * (a * a + a * b + b * b) * length };
+        volume.is_finite().then_some(volume)
     }
 
     fn is_same_along(&self, axis: usize) -> bool {

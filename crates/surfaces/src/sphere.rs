@@ -1,5 +1,7 @@
 //! A sphere, with particles inside or outside; in two dimensions a circle.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use haff_mechanics::{RelativeFlight, Surface};
 
@@ -64,6 +66,12 @@ impl Surface for Sphere {
 
     fn bounds(&self) -> (DVec3, f64) {
         (self.center, self.radius)
+    }
+
+    fn volume(&self, dimension: usize, _edges: DVec3) -> Option<f64> {
+        let square = PI * self.radius * self.radius;
+        let volume = if dimension == 2 { square } else { 4.0 / 3.0 * square * self.radius };
+        (self.side == Side::Inside).then_some(volume)
     }
 
     fn approach(&self, position: DVec3, velocity: DVec3) -> (f64, f64) {

@@ -20,7 +20,7 @@ __all__ = ["Gaps", "close_gaps"]
 
 
 class Gaps(NamedTuple):
-    """Gaps of K close pairs and of W particles close to a wall of the box."""
+    """Gaps of K close pairs and of W particles close to a wall of the box or to a container that shrinks with it."""
 
     pairs: NDArray[np.int64]
     """``[K, 2]`` rows of the particles, the lower one first, in ascending order. In a box of a few diameters the same
@@ -32,16 +32,20 @@ class Gaps(NamedTuple):
     wall_rows: NDArray[np.int64]
     """``[W]`` rows of the particles close to a wall."""
     wall_sides: NDArray[np.int64]
-    """``[W, 2]`` the axis that the wall is normal to, and 0 for the lower face, 1 for the upper one."""
+    """``[W, 2]`` the axis that the wall is normal to, and 0 for the lower face, 1 for the upper one.
+
+    Of a container 3, and 0 for its side, 1 and 2 for its ends."""
     wall_gap: Array
     """``[W]`` (z − R)/2R with the distance z of the center from the wall."""
+    wall_vector: Array
+    """``[W, 3]`` from the center to the nearest point of the wall [length]."""
 
     def below(self, gap: float) -> Gaps:
         """Those below a gap."""
         near, at = self.gap < gap, self.wall_gap < gap
         return Gaps(
             self.pairs[near], self.gap[near], self.vector[near],
-            self.wall_rows[at], self.wall_sides[at], self.wall_gap[at],
+            self.wall_rows[at], self.wall_sides[at], self.wall_gap[at], self.wall_vector[at],
         )  # fmt: skip
 
 
@@ -135,16 +139,24 @@ def _classes(radius: Array) -> list[NDArray[np.int64]]:
 
 def _walls(
     box: Box, position: Array, radius: Array, cutoff: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Particles close to the walls of the box."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
+    """Particles close to the walls of the box, or to the container in it."""
     rows, sides, gaps = [np.empty(0, np.int64)], [np.empty((0, 2), np.int64)], [np.empty(0)]
+    vectors = [np.empty((0, 3))]
+
+    def add(wall: tuple[int, int], distance: Array, normal: Array) -> None:
+        gap = (distance - radius) / (2 * radius)
+        near = np.flatnonzero(gap < cutoff)
+        rows.append(near)
+        sides.append(np.tile(wall, (len(near), 1)))
+        gaps.append(gap[near])
+        vectors.append(-distance[near, None] * normal[near])
+
     for axis in range(box.dimension):
-        if box.boundary[axis] != "wall":
-            continue
-        for side, distance in enumerate((position[:, axis], box.size[axis] - position[:, axis])):
-            gap = (distance - radius) / (2 * radius)
-            near = np.flatnonzero(gap < cutoff)
-            rows.append(near)
-            sides.append(np.tile([axis, side], (len(near), 1)))
-            gaps.append(gap[near])
-    return np.concatenate(rows), np.concatenate(sides), np.concatenate(gaps)
+        if box.boundary[axis] == "wall":
+            normal = np.tile(np.eye(3)[axis], (len(position), 1))
+            add((axis, 0), position[:, axis], normal)
+            add((axis, 1), box.size[axis] - position[:, axis], -normal)
+    for k, part in enumerate([] if box.container is None else box.container.parts()):
+        add((3, k), *part(position))
+    return np.concatenate(rows), np.concatenate(sides), np.concatenate(gaps), np.concatenate(vectors)

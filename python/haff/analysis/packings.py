@@ -40,7 +40,7 @@ class ContactNetwork(NamedTuple):
     """Gaps below it are contacts [contact distances]."""
     dimension: int
     periodic: int
-    """Number of axes along which the packing is periodic: along these it may move as a whole."""
+    """Number of ways in which the packing may move as a whole: along periodic axes, and turned in a container."""
 
     @property
     def backbone(self) -> int:
@@ -67,10 +67,10 @@ class ContactNetwork(NamedTuple):
 
     @property
     def isostatic_contacts(self) -> int:
-        """The fewest contacts that hold the backbone of N' particles: d N' − p + 1, with p periodic axes.
+        """The fewest contacts that hold the backbone of N' particles: d N' − p + 1, with :attr:`periodic` p.
 
-        One contact for each coordinate, without the p translations, and one more for the volume, which the pressure
-        keeps. Without friction and rotation.
+        One contact for each coordinate, without the p motions of the whole, and one more for the volume, which the
+        pressure keeps. Without friction and rotation.
         """
         return self.dimension * self.backbone - self.periodic + 1
 
@@ -222,7 +222,8 @@ def contact_network(
     position, radius = particles(positions, radii, box)
     contacts, d = gaps_of(position, radius, box, largest), box.dimension
     loose = rattlers(len(position), contacts.pairs, d, walls=contacts.wall_rows)
-    return ContactNetwork(contacts, loose, largest, d, int(np.count_nonzero(box.periodic[:d])))
+    free = int(np.count_nonzero(box.periodic[:d])) + (0 if box.container is None else box.container.turns)
+    return ContactNetwork(contacts, loose, largest, d, free)
 
 
 def jamming_fraction(packing_fraction: ArrayLike, reduced_pressure: ArrayLike, dimension: int) -> JammingFit:

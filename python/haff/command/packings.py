@@ -25,7 +25,7 @@ __all__ = ["pack"]
 
 MOST = 10_000_000
 """Particles of a packing, at most."""
-CONTAINERS = ("periodic", "box")
+CONTAINERS = ("periodic", "box", "cylinder", "tube", "sphere")
 DENSEST = {2: math.pi / math.sqrt(12), 3: math.pi / math.sqrt(18)}
 """Largest packing fraction of equal disks and spheres, by dimension."""
 HIGHEST = 1e12
@@ -42,6 +42,7 @@ def pack(
     sizes: Any = None,
     dimension: int = 3,
     container: str = "periodic",
+    aspect: float | None = None,
     rate: float | None = None,
     reduced_pressure: float = 1e9,
     seed: int = 0,
@@ -69,7 +70,10 @@ def pack(
     dimension
         3 for spheres, 2 for disks.
     container
-        ``"periodic"``, or ``"box"``: walls on all sides.
+        ``"periodic"``; ``"box"``: walls on all sides; ``"cylinder"``, with flat ends (of disks a circle), ``"tube"``, a
+        cylinder that is periodic along its axis z, or ``"sphere"``: it shrinks with the box.
+    aspect
+        Length of a cylinder or tube [its diameter]; 2 by default.
     rate
         Growth of the largest diameter in the time in which a particle at thermal speed √(T/m) flies by it,
         (dσ/dt)/√(T/m). Slow growth (10⁻³ and less) gives a denser packing, and crystals of equal particles. By default
@@ -116,6 +120,8 @@ def pack(
     options = ["pack", str(count), "--json", f"--dimension={d}"]
     options.append(_end(packing_fraction, d, sizes is None or np.isscalar(sizes)))
     options.append(f"--container={arguments.choice('container', container, CONTAINERS)}")
+    if aspect is not None:
+        options.append(f"--aspect={arguments.positive('aspect', aspect)!r}")
     options.append(f"--seed={arguments.count('seed', seed, 0, 2**63 - 1)}")
     if text:
         options.append(f"--sizes={text}")

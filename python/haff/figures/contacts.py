@@ -89,11 +89,9 @@ def _contacts(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -
         np.stack([position[first], position[first] + vector], axis=1),
         np.stack([position[second] - vector, position[second]], axis=1),
     ]
-    at = shown[found.wall_rows] & ~network.rattlers[found.wall_rows] & (found.wall_sides[:, 0] < 2)
-    foot = position[found.wall_rows[at]].copy()
-    axis, side = found.wall_sides[at].T
-    foot[np.arange(len(foot)), axis] = side * frame.box.size[axis]
-    lines.append(np.stack([position[found.wall_rows[at]], foot], axis=1))
+    at = shown[found.wall_rows] & ~network.rattlers[found.wall_rows]
+    start = position[found.wall_rows[at]]
+    lines.append(np.stack([start, start + found.wall_vector[at, :2]], axis=1))
     width = np.clip(60 / np.sqrt(max(1, np.count_nonzero(shown))) / 4, *THICK)
     drawn = LineCollection(np.concatenate(lines), colors=BLUE, linewidths=width, capstyle="round", zorder=2)
     axes.add_collection(drawn)

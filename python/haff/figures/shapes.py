@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..files import pistons
+from ..files.container import scaled
 from ..files.extent import Extent
 from ..files.layout import Array
 from ..files.mesh import MeshFault
@@ -83,6 +84,7 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
         order = _order(wall, d)
         if order == 2 and not planes:
             continue
+        wall = _present(file, wall, start)
         shift = displacement(file, wall, start) if end is None else np.array(mean_displacement(wall, start))
         try:
             shape = build(wall, d, grown, shift, file.path.parent)
@@ -103,6 +105,14 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
                 high = np.minimum(high, room.origin + room.size + FARTHEST * reach)
             grown = _with(grown, low, high, d)
     return Scenery([found[k] for k in sorted(found)], grown, missing)
+
+
+def _present(file: Recording, wall: dict[str, Any], time: float) -> dict[str, Any]:
+    """A wall at its size at a time."""
+    rates = file.compression
+    if rates is None or file.box.container is None or shape_of(wall) != file.box.container.kind:
+        return wall
+    return scaled(wall, 1.0 - float(rates[0]) * time)
 
 
 def displacement(file: Recording, wall: dict[str, Any], time: float) -> Array:

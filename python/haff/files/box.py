@@ -12,6 +12,7 @@ from ..common import arguments
 from ..common.readonly import ReadOnly
 from ..errors import ArgumentError
 from ..text import quoted
+from .container import Container
 from .layout import AXES, Array
 
 __all__ = ["Box", "Shear"]
@@ -45,12 +46,18 @@ class Box(ReadOnly):
     dimension : 2 or 3
     edges : ``[3, 3]`` edge vectors, one a row [length]
     displacement : gradient axis, flow axis and displacement [length] of the images of a sheared box; else ``None``
+    container : the wall that shrinks with a box that is compressed, and that all particles are in; else ``None``
     """
 
     _why = "cannot be changed: a run keeps the box of its scene (domain)"
 
     def __init__(
-        self, size: Array, boundary: Sequence[str], dimension: int, displacement: tuple[int, int, float] | None = None
+        self,
+        size: Array,
+        boundary: Sequence[str],
+        dimension: int,
+        displacement: tuple[int, int, float] | None = None,
+        container: Container | None = None,
     ) -> None:
         lengths = np.array(arguments.shaped("size", size, [3], "three edges"))
         if np.ndim(size) != 1 or not (lengths > 0).all() or not np.isfinite(lengths).all():
@@ -67,6 +74,7 @@ class Box(ReadOnly):
             array.flags.writeable = False
         self.size, self.boundary, self.edges, self.displacement = lengths, sides, edges, displacement
         self.dimension = arguments.count("dimension", dimension, 2, 3)
+        self.container = container
         self._made = True
 
     @property
@@ -111,11 +119,15 @@ class Box(ReadOnly):
 
     @property
     def volume(self) -> float:
-        """Volume [length³], or area [length²] in 2D."""
+        """Volume [length³] of the box, or of the container in it; area [length²] in 2D."""
+        if self.container is not None:
+            return self.container.volume(self.size)
         return float(np.prod(self.size[: self.dimension]))
 
     def __repr__(self) -> str:
         sides = " × ".join(f"{s:g} ({b})" for s, b in zip(self.size[: self.dimension], self.boundary))
+        if self.container is not None:
+            sides += f", {self.container.kind} inside"
         if self.displacement is None:
             return f"Box({self.dimension}D, {sides})"
         gradient, flow, length = self.displacement

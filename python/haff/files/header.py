@@ -18,6 +18,7 @@ from ..errors import FileError, HaffError
 from ..text import brief, quoted
 from .box import Box, Shear
 from .column import LARGEST, SMALLEST, Column
+from .container import Container, container_of
 from .layout import AXES, SCHEMA, Array
 from .scene import SceneFault, parsed
 from .stored import Stored
@@ -263,13 +264,21 @@ class Header(ReadOnly):
         if self.shear is not None:
             return self._sheared_boxes(column, edges, rows)
         column.require(edges, _positive(edges), f"in [{SMALLEST:g}, {LARGEST:g}]", rows)
-        return [Box(lengths, self.box.boundary, self.dimension) for lengths in edges]
+        return [self._box(np.diag(lengths), self.box.boundary, None) for lengths in edges]
 
     def _box(self, edges: Array, sides: Sequence[str], shear: Shear | None) -> Box:
         displacement = None
         if shear is not None:
             displacement = shear.gradient, shear.flow, float(edges[shear.gradient, shear.flow])
-        return Box(np.diag(edges), sides, self.dimension, displacement)
+        return Box(np.diag(edges), sides, self.dimension, displacement, self._container(float(edges[0, 0])))
+
+    def _container(self, edge: float) -> Container | None:
+        """The container that shrinks with the box, where the first edge is this long [length]."""
+        if (container := container_of(self.scene, self.dimension)) is None:
+            return None
+        # The box of the scene is that of time 0.
+        whole = self.stored.column("parameters/box_size", (3,), "f")[:][0]
+        return container.scaled(edge / float(whole))
 
     @cached_property
     def shear(self) -> Shear | None:

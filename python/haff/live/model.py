@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files.box import Box, Shear
+from ..files.container import Container, container_of
 from ..files.layout import AXES
 from ..files.scene import parsed
 
@@ -58,7 +59,15 @@ class Model:
         """The simulation box, at the present time if it deforms."""
         edges = self._core.moving_edges
         size = self._core.box_size if edges is None else np.diag(edges)
-        return Box(size, self._core.boundary, self._core.dimension, self._displacement())
+        container = self._container
+        if container is not None:
+            container = container.scaled(float(size[0] / self._core.box_size[0]))
+        return Box(size, self._core.boundary, self._core.dimension, self._displacement(), container)
+
+    @cached_property
+    def _container(self) -> Container | None:
+        """The container that shrinks with the box, at its size at the start."""
+        return container_of(parsed(self.scene_text), self._core.dimension)
 
     @cached_property
     def shear(self) -> Shear | None:

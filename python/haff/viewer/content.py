@@ -74,7 +74,7 @@ def write(
         "coloring": coloring.header(),
         "losses": None if losses is None else {"largest": losses.largest, "decades": collisions.DECADES},
         "walls": walls.planes(file, start),
-        "shapes": walls.shapes(scenery.shapes, blobs, file.dimension, start),
+        "shapes": walls.shapes(scenery.shapes, blobs, file.dimension, start, _shrinking(file)),
         "motions": walls.of_box(file, "motion"),
         "displacements": walls.of_box(file, "displacement"),
         "rotations": walls.of_box(file, "rotation"),
@@ -86,6 +86,12 @@ def write(
     header["frames"] = _frames(file, blobs, keys, room, losses)
     header["notes"] = notes
     blobs.header(header)
+
+
+def _shrinking(file: File) -> float:
+    """The rate at which the container of the box shrinks [1/time]; 0 without one."""
+    rates = file.compression
+    return 0.0 if rates is None or file.box.container is None else float(rates[0])
 
 
 def _shear(file: File, keys: Keyframes) -> dict[str, Any] | None:

@@ -323,6 +323,8 @@ class Surroundings {
     for (const part of this.parts) part.visible = visible || part === this.joints;
     for (const [part, wall] of this.moving) {
       part.position.set(...moved(wall, time));
+      // A container shrinks with its box, about the corner of that.
+      if (wall.shrinks) part.scale.setScalar((1 - wall.shrinks * time) / (1 - wall.shrinks * wall.since));
     }
     for (const [part, point, axis, rate] of this.turning) {
       part.position.set(...point);

@@ -68,8 +68,10 @@ def _hole(hole: dict[str, Any] | None) -> dict[str, Any] | None:
     return None if hole is None else {"center": vector(hole["center"]), "radius": float(hole["radius"])}
 
 
-def shapes(found: Sequence[Shape], blobs: Blobs, dimension: int, start: float) -> list[dict[str, Any]]:
-    """Walls of other shapes, at their mean positions at ``start``.
+def shapes(
+    found: Sequence[Shape], blobs: Blobs, dimension: int, start: float, shrinks: float = 0.0
+) -> list[dict[str, Any]]:
+    """Walls of other shapes, at their mean positions at ``start``; ``shrinks``: the rate of their box [1/time].
 
     The arrays of each: vertices ``[V, 3]`` and triangles ``[F, 3]``; lines, their ends in pairs ``[2 L, 3]``: edges,
     wires, and marks that turn with the wall. In two dimensions the wall is strips along lines: their ends in pairs, and
@@ -99,6 +101,7 @@ def shapes(found: Sequence[Shape], blobs: Blobs, dimension: int, start: float) -
                 "normal": vector(motion["direction"]) if motion else [0.0, 0.0, 1.0],
                 "velocity": vector(wall.get("velocity", ())),
                 "motion": motion,
+                "shrinks": shrinks,
                 "rotation": {"point": point.tolist(), "axis": axis.tolist(), "rate": shape.rate}
                 if shape.rate
                 else None,

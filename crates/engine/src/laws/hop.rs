@@ -34,7 +34,10 @@ pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64)
     let completes = match plane.motion {
         _ if plane.shape.is_some() => false,
         WallMotion::Fixed => world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall)),
-        WallMotion::Constant(_) | WallMotion::Rotating(_) | WallMotion::Piston(_) => false,
+        WallMotion::Constant(_)
+        | WallMotion::Rotating(_)
+        | WallMotion::Piston(_)
+        | WallMotion::Shrinking(_) => false,
         WallMotion::Oscillating(_) => carried::can_start(world, i, wall),
     };
     if completes {

@@ -286,7 +286,10 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
             let rest = match state.world.boundary.walls[wall as usize].motion {
                 WallMotion::Fixed => come_to_rest(state, i, wall, law, before, time),
                 WallMotion::Oscillating(_) => carried::start(state, i, wall, law, time),
-                WallMotion::Constant(_) | WallMotion::Rotating(_) | WallMotion::Piston(_) => None,
+                WallMotion::Constant(_)
+                | WallMotion::Rotating(_)
+                | WallMotion::Piston(_)
+                | WallMotion::Shrinking(_) => None,
             };
             if let Some(rest) = rest {
                 state.pending.insert(i, rest);

@@ -11,6 +11,8 @@ use glam::DVec3;
 pub struct Compression {
     /// γ along each axis [1/time]; negative where the edge becomes longer.
     pub rates: DVec3,
+    /// The part of the box that is inside of a container which shrinks with it; 1 without one.
+    pub inside: f64,
 }
 
 impl Compression {

@@ -61,4 +61,4 @@ pub use shear::Shear;
 pub use spin::Spin;
 pub use thermal::ThermalWall;
 pub use wall_law::WallLaw;
-pub use wall_motion::{ConstantVelocity, Oscillating, Rotation, WallMotion, WallTime};
+pub use wall_motion::{ConstantVelocity, Oscillating, Rotation, Shrinking, WallMotion, WallTime};

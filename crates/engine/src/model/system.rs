@@ -78,10 +78,16 @@ impl Domain {
         self.compression.map_or(self.size, |compression| compression.edges(self.size, time))
     }
 
-    /// Volume at a time, in two dimensions the area [length^d].
+    /// The part of the box in which the particles are: 1 without a container that shrinks with it.
+    fn inside(&self) -> f64 {
+        self.compression.map_or(1.0, |compression| compression.inside)
+    }
+
+    /// Volume at a time of the box, or inside of a container that shrinks with it, in two dimensions the
+    /// area [length^d].
     #[must_use]
     pub fn volume(&self, dimension: Dimension, time: f64) -> f64 {
-        self.edges(time).to_array()[..dimension.count()].iter().product()
+        self.inside() * self.edges(time).to_array()[..dimension.count()].iter().product::<f64>()
     }
 
     /// The volume by which sums over an interval are divided for means of the pressure [length^d]: along axes
@@ -91,7 +97,7 @@ impl Domain {
         let edge = |axis: usize| {
             if self.boundary[axis] == Boundary::Periodic { self.size[axis] } else { mean[axis] }
         };
-        (0..dimension.count()).map(edge).product()
+        self.inside() * (0..dimension.count()).map(edge).product::<f64>()
     }
 }
 
@@ -170,7 +176,10 @@ impl Wall {
     pub fn distance(&self, position: DVec3, at: impl WallTime) -> f64 {
         match &self.shape {
             None => (position - (self.point + self.motion.displacement(self.normal, at))).dot(self.normal),
-            Some(shape) => shape.surface().distance(position - self.moved(at)),
+            Some(shape) => {
+                let scale = self.motion.scale(at);
+                scale * shape.surface().distance((position - self.moved(at)) / scale)
+            }
         }
     }
 
@@ -191,7 +200,7 @@ impl Wall {
     pub fn normal_at(&self, position: DVec3, at: impl WallTime) -> DVec3 {
         match &self.shape {
             None => self.normal,
-            Some(shape) => shape.surface().normal(position - self.moved(at)),
+            Some(shape) => shape.surface().normal((position - self.moved(at)) / self.motion.scale(at)),
         }
     }
 

@@ -58,7 +58,7 @@ impl Wall {
                 let motion = WallMotion::Constant(ConstantVelocity { velocity, reference_time });
                 (motion, shift(&motion))
             }
-            (_, WallMotion::Fixed | WallMotion::Rotating(_)) => (*motion, 0.0),
+            (_, WallMotion::Fixed | WallMotion::Rotating(_) | WallMotion::Shrinking(_)) => (*motion, 0.0),
         };
         let point = if matches!(self.shape, Some(Shape::Named(_))) {
             // In any direction, not along a normal.

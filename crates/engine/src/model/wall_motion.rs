@@ -25,6 +25,30 @@ pub enum WallMotion {
     Rotating(Rotation),
     /// Free to move along the normal, with a finite mass: impacts change its velocity.
     Piston(Piston),
+    /// A surface that shrinks with a box that is compressed, or grows with it. (Planes then have a constant
+    /// velocity.)
+    Shrinking(Shrinking),
+}
+
+/// A surface that becomes smaller: all of its points are at 1 − γ t of their coordinates at time 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shrinking {
+    /// γ: that of the compression of the box [1/time].
+    pub rate: f64,
+    /// Largest speed of a point of it [length/time].
+    pub speed: f64,
+}
+
+impl Shrinking {
+    /// 1 − γ t.
+    pub(crate) fn scale(&self, at: impl WallTime) -> f64 {
+        1.0 - self.rate * at.time()
+    }
+
+    /// Velocity of the surface at a position [length/time].
+    fn velocity(&self, position: DVec3, at: impl WallTime) -> DVec3 {
+        position * (-self.rate / self.scale(at))
+    }
 }
 
 /// The rotation of a surface of revolution about its axis, or of a plane about a normal.
@@ -147,11 +171,11 @@ impl WallMotion {
         !matches!(self, Self::Fixed)
     }
 
-    /// Velocity of a wall with this normal [length/time], without that of a rotation.
+    /// Velocity of a wall with this normal [length/time], without that of a rotation, and of shrinking.
     #[inline]
     pub fn velocity(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
-            Self::Fixed | Self::Rotating(_) => DVec3::ZERO,
+            Self::Fixed | Self::Rotating(_) | Self::Shrinking(_) => DVec3::ZERO,
             Self::Constant(motion) => motion.velocity,
             Self::Oscillating(motion) => normal * motion.oscillation.velocity(motion.at(at)),
             Self::Piston(piston) => normal * piston.at(at.instant()).1,
@@ -163,6 +187,7 @@ impl WallMotion {
     pub(crate) fn velocity_of_surface(&self, normal: DVec3, position: DVec3, at: impl WallTime) -> DVec3 {
         match self {
             Self::Rotating(rotation) => rotation.velocity(position),
+            Self::Shrinking(motion) => motion.velocity(position, at),
             _ => self.velocity(normal, at),
         }
     }
@@ -172,10 +197,19 @@ impl WallMotion {
     #[inline]
     pub fn displacement(&self, normal: DVec3, at: impl WallTime) -> DVec3 {
         match self {
-            Self::Fixed | Self::Rotating(_) => DVec3::ZERO,
+            Self::Fixed | Self::Rotating(_) | Self::Shrinking(_) => DVec3::ZERO,
             Self::Constant(motion) => motion.displacement(at),
             Self::Oscillating(motion) => normal * motion.oscillation.shift(motion.at(at)),
             Self::Piston(piston) => normal * piston.at(at.instant()).0,
+        }
+    }
+
+    /// The present size of the surface as a part of that at time 0.
+    #[inline]
+    pub fn scale(&self, at: impl WallTime) -> f64 {
+        match self {
+            Self::Shrinking(motion) => motion.scale(at),
+            _ => 1.0,
         }
     }
 
@@ -184,6 +218,7 @@ impl WallMotion {
         match self {
             Self::Fixed | Self::Rotating(_) => 0.0,
             Self::Constant(motion) => motion.velocity.length(),
+            Self::Shrinking(motion) => motion.speed,
             Self::Oscillating(motion) => motion.oscillation.max_speed(),
             Self::Piston(piston) => piston.speed.abs(),
         }
@@ -192,7 +227,7 @@ impl WallMotion {
     /// Acceleration along the normal [length/time²].
     pub(crate) fn acceleration(&self, at: impl WallTime) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => 0.0,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Shrinking(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.acceleration(motion.at(at)),
             Self::Piston(piston) => piston.acceleration,
         }
@@ -201,7 +236,7 @@ impl WallMotion {
     /// Largest magnitude of the acceleration [length/time²], without jumps of the velocity.
     pub(crate) fn max_acceleration(&self) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => 0.0,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Shrinking(_) => 0.0,
             Self::Oscillating(motion) => motion.oscillation.max_acceleration(),
             Self::Piston(piston) => piston.acceleration.abs(),
         }
@@ -210,7 +245,9 @@ impl WallMotion {
     /// Time from `at` until the velocity next jumps \[time\]; infinite if it never does.
     pub(crate) fn time_to_jump(&self, at: impl WallTime) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) => f64::INFINITY,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) | Self::Shrinking(_) => {
+                f64::INFINITY
+            }
             Self::Oscillating(motion) => motion.oscillation.time_to_corner(motion.at(at)),
         }
     }
@@ -218,7 +255,9 @@ impl WallMotion {
     /// Duration of a cycle \[time\]; infinite without one.
     pub(crate) fn period(&self) -> f64 {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) => f64::INFINITY,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) | Self::Shrinking(_) => {
+                f64::INFINITY
+            }
             Self::Oscillating(motion) => 1.0 / motion.oscillation.frequency,
         }
     }
@@ -233,7 +272,9 @@ impl WallMotion {
     /// normal is `acceleration` [length/time²]; `None` if it never is.
     pub(crate) fn time_to_release(&self, acceleration: f64, at: impl WallTime) -> Option<f64> {
         match self {
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) => None,
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Piston(_) | Self::Shrinking(_) => {
+                None
+            }
             Self::Oscillating(motion) => motion.oscillation.time_to_release(acceleration, motion.at(at)),
         }
     }
@@ -252,7 +293,9 @@ impl WallMotion {
     pub(crate) fn reference_time(&self) -> f64 {
         match self {
             Self::Constant(motion) => motion.reference_time,
-            Self::Fixed | Self::Oscillating(_) | Self::Rotating(_) | Self::Piston(_) => 0.0,
+            Self::Fixed | Self::Oscillating(_) | Self::Rotating(_) | Self::Piston(_) | Self::Shrinking(_) => {
+                0.0
+            }
         }
     }
 
@@ -263,7 +306,7 @@ impl WallMotion {
             Self::Fixed | Self::Rotating(_) => (0.0, 0.0),
             Self::Constant(motion) => (motion.velocity.dot(normal), 0.0),
             Self::Oscillating(motion) => (0.0, motion.oscillation.amplitude),
-            Self::Piston(_) => (0.0, f64::INFINITY),
+            Self::Piston(_) | Self::Shrinking(_) => (0.0, f64::INFINITY),
         }
     }
 
@@ -279,7 +322,7 @@ impl WallMotion {
     pub(crate) fn time_to_contact(&self, approach: &Approach, at: impl WallTime) -> Option<f64> {
         match self {
             // In the frame of the wall both have straight or parabolic paths.
-            Self::Fixed | Self::Constant(_) | Self::Rotating(_) => {
+            Self::Fixed | Self::Constant(_) | Self::Rotating(_) | Self::Shrinking(_) => {
                 time_to_plane(approach.distance, approach.rate, approach.acceleration)
             }
             Self::Oscillating(motion) => motion.oscillation.time_to_contact(

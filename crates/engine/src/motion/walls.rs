@@ -4,13 +4,50 @@ use glam::DVec3;
 use haff_mechanics::{RelativeFlight, Surface, Swing};
 
 use crate::{
-    model::{Shape, WallMotion, bounds::allowed_overlap, wall_law::WallLaw, wall_motion::Approach},
+    model::{
+        Shape, WallMotion,
+        bounds::allowed_overlap,
+        wall_law::WallLaw,
+        wall_motion::{Approach, Shrinking},
+    },
     numerics::clock::HORIZON,
     state::{
         particle::{ClassData, Particle},
         world::World,
     },
 };
+
+/// The frame in which a surface that shrinks is at rest: x/s at the time θ = τ/s, a time τ after an anchor,
+/// with s = s₀ − γ τ. There a straight flight is straight, and a particle grows.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ShrinkingFrame {
+    /// s₀: the size of the surface at the anchor, as a part of that at time 0.
+    pub scale: f64,
+    /// γ [1/time].
+    rate: f64,
+}
+
+impl ShrinkingFrame {
+    /// That of an anchor at a time.
+    pub fn of(motion: &Shrinking, time: f64) -> Self {
+        Self { scale: 1.0 - motion.rate * time, rate: motion.rate }
+    }
+
+    /// The time θ = τ/s of the frame at a time τ after the anchor \[time\].
+    pub fn to(&self, delay: f64) -> f64 {
+        let scale = self.scale - self.rate * delay;
+        if delay < f64::INFINITY && scale > 0.0 { delay / scale } else { f64::INFINITY }
+    }
+
+    /// The time after the anchor at a time of the frame; `None` if that is never.
+    fn from(&self, time: f64) -> Option<f64> {
+        if time == f64::INFINITY {
+            return Some(time);
+        }
+        let growth = 1.0 + self.rate * time;
+        (growth > 0.0).then(|| self.scale * time / growth)
+    }
+}
 
 impl World {
     /// Signed distance of a particle's surface from a wall and its rate of change, for a particle at
@@ -27,6 +64,10 @@ impl World {
         if let Some(shape) = &self.boundary.walls[wall as usize].shape {
             let (position, velocity) = self.relative_to(wall, (position, velocity), ticks);
             let (distance, rate) = shape.surface().approach(position, velocity);
+            if let WallMotion::Shrinking(motion) = &self.boundary.walls[wall as usize].motion {
+                let scale = self.boundary.walls[wall as usize].motion.scale((&self.clock, ticks));
+                return (scale * distance - radius, rate - motion.rate * distance);
+            }
             return (distance - radius, rate);
         }
         if self.is_level(wall) {
@@ -90,12 +131,18 @@ impl World {
             return None;
         }
         let flight = self.relative_flight(anchor, acceleration, wall);
+        if let WallMotion::Shrinking(motion) = &self.boundary.walls[wall as usize].motion {
+            let frame = ShrinkingFrame::of(motion, self.clock.time(anchor.time));
+            let (radius, within) = (radius / frame.scale, frame.to(within));
+            let delay = frame.from(shape.surface().time_to_contact(&flight, radius, within)?)?;
+            return Some(delay * self.clock.per_time);
+        }
         let delay = shape.surface().time_to_contact(&flight, radius, within)?;
         Some(delay * self.clock.per_time)
     }
 
     /// The flight of a particle from its anchor on, relative to a wall that is no half-space, in the
-    /// coordinates of its surface.
+    /// coordinates of its surface; beside one that shrinks it is in its [`ShrinkingFrame`].
     pub fn relative_flight(&self, anchor: &Particle, acceleration: DVec3, wall: u32) -> RelativeFlight {
         let wall = &self.boundary.walls[wall as usize];
         let at = (&self.clock, anchor.time);
@@ -103,6 +150,11 @@ impl World {
         let mut flight = RelativeFlight::new(position, anchor.velocity, acceleration);
         match &wall.motion {
             WallMotion::Fixed | WallMotion::Rotating(_) | WallMotion::Piston(_) => {}
+            WallMotion::Shrinking(motion) => {
+                flight.position /= motion.scale(at);
+                flight.velocity += flight.position * motion.rate;
+                flight.growth = motion.rate;
+            }
             WallMotion::Constant(motion) => {
                 flight.position -= wall.motion.displacement(wall.normal, at);
                 flight.velocity -= motion.velocity;
@@ -119,6 +171,10 @@ impl World {
     fn relative_to(&self, wall: u32, (position, velocity): (DVec3, DVec3), ticks: i64) -> (DVec3, DVec3) {
         let wall = &self.boundary.walls[wall as usize];
         let at = (&self.clock, ticks);
+        if let WallMotion::Shrinking(motion) = &wall.motion {
+            let position = position / motion.scale(at);
+            return (position, velocity + position * motion.rate);
+        }
         (position - wall.moved(at), velocity - wall.motion.velocity(wall.normal, at))
     }
 
@@ -180,6 +236,10 @@ impl World {
         let radius = self.class(i).radius;
         let coordinates = self.coordinates(i).max(state.0.abs()).max(plane.coordinates()).max_element();
         let slack = allowed_overlap(radius, coordinates + self.resolution.extent);
-        surface.contact_normal(position, velocity, radius + slack)
+        surface.contact_normal(
+            position,
+            velocity,
+            (radius + slack) / plane.motion.scale((&self.clock, ticks)),
+        )
     }
 }

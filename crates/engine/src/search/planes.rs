@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use crate::{
     model::{Shape, Surface, Wall, WallMotion},
+    motion::walls::ShrinkingFrame,
     state::{particle::Particle, world::World},
 };
 
@@ -148,10 +149,19 @@ impl Planes {
                 continue;
             }
             let flight = world.relative_flight(anchor, acceleration, wall);
+            let (radius, slack, duration) = match &world.boundary.walls[wall as usize].motion {
+                WallMotion::Shrinking(motion) => {
+                    let frame = ShrinkingFrame::of(motion, world.clock.time(anchor.time));
+                    let duration = frame.to(duration);
+                    let largest = flight.radius_at(radius, duration).max(radius);
+                    (largest / frame.scale, self.slack / frame.scale, duration)
+                }
+                _ => (radius, self.slack, duration),
+            };
             let swing = flight.swing.map_or(0.0, |swing| swing.oscillation.amplitude);
             // Relative to the wall.
             let path = (flight.velocity.length() + 0.5 * acceleration.length() * duration) * duration;
-            let reach = radius + self.slack + swing + path;
+            let reach = radius + slack + swing + path;
             // Also where it is not a number.
             if !reach.is_finite() || surface.is_near(flight.position, reach) {
                 predict(wall);

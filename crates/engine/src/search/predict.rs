@@ -467,6 +467,10 @@ pub(crate) fn predict_walls<F: Features>(
         if F::GRAVITY && support.contains(&Some(wall)) {
             continue;
         }
+        // Its flight changes at impacts of others: `pistons.rs` predicts these contacts.
+        if F::PISTONS && world.is_piston(u32::from(wall)) {
+            continue;
+        }
         if F::GRAVITY
             && let Some(carrier) = world.carrier(i)
             && carried::predict_wall::<F>(world, i, carrier, (u32::from(wall), particle.time), earliest)

@@ -16,7 +16,7 @@ fn until(time: f64) -> Until {
 
 /// Compresses the box of a scene, with the flow of the box, and without momentum.
 fn compress(scene: &mut System, rates: DVec3) {
-    scene.domain.compression = Some(Compression { rates });
+    scene.domain.compression = Some(Compression { rates, inside: 1.0 });
     let mass = |body: &haff_engine::Body| scene.classes[body.class as usize].mass;
     let total: f64 = scene.bodies.iter().map(mass).sum();
     let drift = scene.bodies.iter().map(|body| body.velocity * mass(body)).sum::<DVec3>() / total;
@@ -146,7 +146,7 @@ fn growing_particles_have_the_collisions_of_the_compressed_box() {
             time: 0.0,
         };
         // At time 0 w = dx/dτ = v − γ r: the velocity of the lab in the compressed box.
-        scene.domain.compression = Some(Compression { rates: DVec3::splat(rate) });
+        scene.domain.compression = Some(Compression { rates: DVec3::splat(rate), inside: 1.0 });
         for body in &mut scene.bodies {
             body.velocity -= rate * body.position;
         }
@@ -303,7 +303,8 @@ fn a_reversed_compression_returns() {
         let (time, frame) = (simulation.time(), simulation.frame());
         let mut back = scene;
         back.domain.size = start.domain.edges(time);
-        back.domain.compression = Some(Compression { rates: -rates * start.domain.size / back.domain.size });
+        back.domain.compression =
+            Some(Compression { rates: -rates * start.domain.size / back.domain.size, inside: 1.0 });
         for (body, (position, velocity)) in
             back.bodies.iter_mut().zip(frame.position.iter().zip(&frame.velocity))
         {

@@ -5,6 +5,7 @@ mod changes;
 mod checkpoints;
 mod common;
 mod compression;
+mod containers;
 mod drives;
 mod endless;
 mod flow;

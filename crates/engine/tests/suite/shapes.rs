@@ -500,7 +500,9 @@ fn nothing_leaks_through_edges() {
                 );
             }
             simulation.measure_overlap().unwrap();
-            assert!(simulation.ledger().residual.abs() < 1e-12);
+            // The rounding of the energy, up to one for each contact.
+            let tolerance = f64::max(1e-12, contacts as f64 / 6.0 * f64::EPSILON);
+            assert!(simulation.ledger().residual.abs() < tolerance);
         }
     }
 }

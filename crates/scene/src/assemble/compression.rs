@@ -1,7 +1,9 @@
 //! Compression and expansion of the domain.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Class, Compression, Dimension, Domain, System, WallLaw, bounds, significant};
+use haff_engine::{
+    Boundary, Class, Compression, Dimension, Domain, System, Wall, WallLaw, bounds, significant,
+};
 
 use super::{
     Assembler,
@@ -123,12 +125,12 @@ impl Assembler<'_> {
         at(["domain", "compression", if each { "rates" } else { "rate" }])
     }
 
-    /// The rates of the compression of the domain, if not all are 0. `walls` is the number of walls beside
-    /// those of the domain.
+    /// The rates of the compression of the domain, if not all are 0. `extra` are the walls beside those of
+    /// the domain.
     pub(super) fn compression_plan(
         &mut self,
         domain: &DomainPlan,
-        walls: usize,
+        extra: &[Wall],
         species: &[SpeciesPlan],
         explicit: &[ParticlePlan],
     ) -> Option<DVec3> {
@@ -169,7 +171,9 @@ impl Assembler<'_> {
             );
             self.document.refuse(&path, why);
         }
-        self.check_surroundings(&whole, "domain.compression", &is_compressed, domain, walls);
+        self.check_surroundings(&whole, "domain.compression", &is_compressed, domain);
+        let is_uniform = (0..axes).all(|axis| rates[axis] == rates.x);
+        self.check_container(&whole, "domain.compression", is_uniform, extra);
         if (0..axes).any(|axis| is_compressed(axis) && domain.boundary[axis] == Boundary::Periodic) {
             let why = "must be finite in a box whose images move (domain.compression)";
             self.check_finite_masses(why, species, explicit);
@@ -184,7 +188,6 @@ impl Assembler<'_> {
         name: &str,
         is_compressed: &dyn Fn(usize) -> bool,
         domain: &DomainPlan,
-        walls: usize,
     ) {
         let images = (0..3).any(|axis| is_compressed(axis) && domain.boundary[axis] == Boundary::Periodic);
         let gravity = (0..3).find(|&axis| {
@@ -199,9 +202,6 @@ impl Assembler<'_> {
         if self.has_joints() {
             let why = "does not work with pendulums, springs, rods or sticking contacts";
             self.document.report(path, why);
-        }
-        if walls > 0 {
-            self.document.report(path, "does not work with walls beside those of domain.boundary");
         }
         let configs = self.config.wall.clone().unwrap_or_default();
         for (k, config) in configs.iter().enumerate() {

@@ -105,7 +105,8 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
             WallMotion::Fixed
             | WallMotion::Oscillating(_)
             | WallMotion::Rotating(_)
-            | WallMotion::Piston(_) => None,
+            | WallMotion::Piston(_)
+            | WallMotion::Shrinking(_) => None,
         }
         .filter(|&time| time != 0.0);
     }

@@ -1,7 +1,7 @@
 //! Growth of all particles: a compression of the box in the units of the start.
 
 use glam::DVec3;
-use haff_engine::{Boundary, Dimension, Drive, DriveKind, System, significant};
+use haff_engine::{Boundary, Dimension, Drive, DriveKind, System, Wall, significant};
 
 use super::{
     Assembler,
@@ -56,11 +56,11 @@ fn time_of(dimension: Dimension, rate: f64, from: f64, to: f64) -> f64 {
 }
 
 impl Assembler<'_> {
-    /// The growth of the particles. `walls` is the number of walls beside those of the domain.
+    /// The growth of the particles. `extra` are the walls beside those of the domain.
     pub(super) fn growth_plan(
         &mut self,
         domain: &DomainPlan,
-        walls: usize,
+        extra: &[Wall],
         species: &[SpeciesPlan],
         explicit: &[ParticlePlan],
     ) -> Option<GrowthPlan> {
@@ -105,10 +105,11 @@ impl Assembler<'_> {
             self.document.report(&whole, why);
         }
         if domain.gravity == DVec3::ZERO {
-            self.check_surroundings(&whole, "[growth]", &|axis| axis < axes, domain, walls);
+            self.check_surroundings(&whole, "[growth]", &|axis| axis < axes, domain);
         } else {
             self.document.refuse(&at(["domain", "gravity"]), "must be 0 with [growth]");
         }
+        self.check_container(&whole, "[growth]", true, extra);
         self.check_finite_masses("must be finite with [growth]", species, explicit);
         Some(GrowthPlan { rate: config.rate?, config })
     }

@@ -17,6 +17,7 @@ from where they are.
 
 mod compression;
 mod contact;
+mod container;
 mod domain;
 mod drive;
 mod flow;
@@ -218,8 +219,8 @@ impl Assembler<'_> {
         let shear = self.shear_plan(&domain, self.config.wall.as_ref().map_or(0, Vec::len));
         self.check_sheared_masses(shear.as_ref(), &species, &explicit);
         let contacts = self.contacts(&names, &wall_names);
-        let rates = self.compression_plan(&domain, extra_walls.len(), &species, &explicit);
-        let growth = self.growth_plan(&domain, extra_walls.len(), &species, &explicit);
+        let rates = self.compression_plan(&domain, &extra_walls, &species, &explicit);
+        let growth = self.growth_plan(&domain, &extra_walls, &species, &explicit);
         let spin = self.spin_plan(&names, &wall_names);
         let motions = self.wall_motions();
         let mut drives = self.drives(&names);
@@ -243,10 +244,11 @@ impl Assembler<'_> {
         }
         let rates = growth.as_ref().map_or(rates, |growth| Some(growth.rates(self.dimension, &rows)));
         drives.extend(growth.as_ref().and_then(|growth| growth.rescaling(names.all.len(), &rows)));
-        let compression = rates.map(|rates| Compression { rates });
+        let compression = rates.map(|rates| Compression { rates, inside: 1.0 });
         let mut system_domain = domain.finish(self.dimension, &rows, shear, compression);
         self.fix_shear(&mut system_domain, &rows, &initial, state.as_ref());
         let mut walls = domain.walls(&system_domain, extra_walls);
+        self.shrink_container(&mut walls, domain.wall_names().len(), &mut system_domain);
         self.displace(&mut walls, &wall_names, &system_domain, &rows);
         self.set_motions(&mut walls, &wall_names, &motions, &rows);
         self.check_partitions(&walls, &system_domain, &rows);

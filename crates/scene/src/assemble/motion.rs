@@ -28,9 +28,11 @@ pub(super) fn is_displaced(wall: &Wall, domain: &Domain) -> bool {
 fn mean_position(wall: &Wall, at: Instant) -> DVec3 {
     match wall.motion {
         WallMotion::Constant(_) => wall.point + wall.motion.displacement(wall.normal, at),
-        WallMotion::Fixed | WallMotion::Oscillating(_) | WallMotion::Rotating(_) | WallMotion::Piston(_) => {
-            wall.point
-        }
+        WallMotion::Fixed
+        | WallMotion::Oscillating(_)
+        | WallMotion::Rotating(_)
+        | WallMotion::Piston(_)
+        | WallMotion::Shrinking(_) => wall.point,
     }
 }
 

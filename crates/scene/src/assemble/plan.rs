@@ -335,7 +335,7 @@ pub(super) fn collision_rate(system: &System) -> f64 {
     if system.bodies.len() < 2 || !(eta > 0.0 && eta < 0.8) {
         return f64::NAN;
     }
-    let area = (0..d).map(|axis| system.domain.size[axis]).product::<f64>();
+    let area = system.domain.volume(system.dimension, 0.0);
     let groups = system.groups.len();
     // Per group: particles, Σ R, Σ |v|².
     let mut sums = vec![[0.0_f64; 3]; groups];

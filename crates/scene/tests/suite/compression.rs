@@ -167,9 +167,37 @@ fn what_does_not_work_with_a_compression_is_refused_at_its_key() {
         (
             walls,
             "run.until = 1.0\nwall = [{ name = \"floor\", plane = { point = [0, 0, 1], normal = [0, 0, 1] } }]",
+            "wall.0.name",
+            Conflict,
+            "only a cylinder, a sphere and a cone with particles inside do",
+        ),
+        (
+            walls,
+            "run.until = 1.0\nwall = [{ name = \"a\", sphere = { center = [5, 5, 5], radius = 5 } }, { name = \"b\", sphere = { center = [5, 5, 5], radius = 4.9 } }]",
             key,
             Conflict,
-            "walls beside those of domain.boundary",
+            "works with one wall beside those of domain.boundary: a container",
+        ),
+        (
+            walls,
+            "run.until = 1.0\nwall = [{ name = \"a\", velocity = [0, 0, 1], sphere = { center = [5, 5, 5], radius = 5 } }]",
+            "wall.0.velocity",
+            Conflict,
+            "does not work for a wall that shrinks",
+        ),
+        (
+            walls,
+            "run.until = 1.0\nwall = [{ name = \"a\", sphere = { center = [5, 5, 5], radius = 50 } }]",
+            "wall.0.name",
+            Conflict,
+            "must be inside of the box",
+        ),
+        (
+            "boundary = [\"wall\", \"wall\", \"wall\"]\ncompression = { rates = [0.1, 0.1, 0] }",
+            "run.until = 1.0\nwall = [{ name = \"a\", sphere = { center = [5, 5, 5], radius = 5 } }]",
+            "wall.0.name",
+            Conflict,
+            "only along all axes at the same rate",
         ),
         (
             walls,

@@ -119,7 +119,7 @@ fn surfaces_that_swing_are_met_where_they_are() {
         let (position, velocity, direction) = (vector(2.0), vector(1.0), vector(1.0).normalize());
         let gravity = if k % 3 == 0 { DVec3::NEG_Z } else { DVec3::ZERO };
         let swing = Some(Swing { direction, oscillation, cycles: random.uniform(0.0, 1.0) });
-        let flight = RelativeFlight { position, velocity, acceleration: gravity, swing };
+        let flight = RelativeFlight { position, velocity, acceleration: gravity, swing, growth: 0.0 };
         let surface = Revolution::finite_cylinder(-DVec3::Z, DVec3::Z, 2.0, 2.0, Side::Inside);
         let radius = 0.2;
         if surface.distance(flight.at(0.0)) < radius {

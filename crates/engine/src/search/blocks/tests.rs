@@ -131,7 +131,7 @@ fn sheared(system: &System, rate: f64) -> System {
 /// A scene whose edges become shorter at these rates.
 fn compressed(system: &System, rates: DVec3) -> System {
     let mut system = system.clone();
-    system.domain.compression = Some(Compression { rates });
+    system.domain.compression = Some(Compression { rates, inside: 1.0 });
     system
 }
 

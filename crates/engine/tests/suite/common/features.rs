@@ -241,13 +241,14 @@ pub fn features() -> Vec<(&'static str, System)> {
         (
             "compression",
             with(plain(), |scene| {
-                scene.domain.compression = Some(Compression { rates: DVec3::splat(0.01) });
+                scene.domain.compression = Some(Compression { rates: DVec3::splat(0.01), inside: 1.0 });
             }),
         ),
         (
             "elongation",
             with(plain(), |scene| {
-                scene.domain.compression = Some(Compression { rates: DVec3::new(-0.02, 0.01, 0.01) });
+                scene.domain.compression =
+                    Some(Compression { rates: DVec3::new(-0.02, 0.01, 0.01), inside: 1.0 });
             }),
         ),
         (

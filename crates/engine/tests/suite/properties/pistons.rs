@@ -115,3 +115,42 @@ fn random_pistons_are_in_balance_and_independent_of_search() {
     println!("{scenes} scenes with pistons, {impacts} impacts on walls");
     assert!(scenes > 100 && impacts > 20 * scenes, "{scenes} {impacts}");
 }
+
+/// A grain that an oscillating wall carries, and a piston that bounces on a fixed body.
+#[test]
+fn contacts_of_a_carried_grain_follow_the_impacts_on_the_piston() {
+    let recipe = Recipe {
+        flat: false,
+        boundary: [1, 2, 2],
+        particles: 48,
+        species: 2,
+        restitution: 2,
+        gravity: true,
+        ramp: 2,
+        fixed: true,
+        tc: true,
+        fast: false,
+        speeds: false,
+        ratios: false,
+        rest: false,
+        far: false,
+        light: false,
+        wedge: false,
+        long: false,
+        drive: 0,
+        thermal: false,
+        measure: false,
+        partition: false,
+        rough: 0,
+        shear: 0,
+        compression: 0,
+        huge: false,
+        corner: true,
+        top: false,
+        at_kick: false,
+        changed: false,
+        shape: 0,
+        seed: 10_557_759_970_363_737_621,
+    };
+    assert!(check(&recipe).unwrap().unwrap() > 5000);
+}

@@ -539,7 +539,7 @@ impl Recipe {
         if rates == DVec3::ZERO {
             return;
         }
-        scene.domain.compression = Some(Compression { rates });
+        scene.domain.compression = Some(Compression { rates, inside: 1.0 });
         for body in &mut scene.bodies {
             body.velocity -= rates * body.position;
         }

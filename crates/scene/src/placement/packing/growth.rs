@@ -171,7 +171,7 @@ impl Growth<'_> {
         let &Self { larger, dimension, radius, position, seed, .. } = self;
         let d = dimension.count();
         let rates = DVec3::from_array([0, 1, 2].map(|axis| if axis < d { gamma } else { 0.0 }));
-        let mut domain = Domain { compression: Some(Compression { rates }), ..*larger };
+        let mut domain = Domain { compression: Some(Compression { rates, inside: 1.0 }), ..*larger };
         if dimension == Dimension::Two {
             domain.boundary[2] = Boundary::Open;
         }
