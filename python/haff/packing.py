@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import analysis, reader
-from .analysis import BondOrder, ContactNetwork, JammingFit, PairDistributions
+from .analysis import BondOrder, ContactNetwork, JammingFit, PairDistributions, RadialPorosity
 from .common import arguments
 from .common.notebook import table
 from .common.output import replacing
@@ -208,6 +208,13 @@ class Packing(ReadOnly):
             widths = self.box.widths[: self.dimension]
             r_max = min(2 * REACH * float(self.radii.mean()), float(widths.min()) / 2 * (1 - 1e-9))
         return analysis.pair_distributions([self.frame], r_max, bins)
+
+    def radial_porosity(self, bins: int = 100) -> RadialPorosity:
+        """The local porosity by the distance from the wall of a cylinder, a sphere or a circle.
+
+        See :func:`haff.analysis.radial_porosity`, which says what is raised.
+        """
+        return analysis.radial_porosity(self.positions, self.radii, self.box, bins)
 
     def jamming_fraction(self) -> JammingFit:
         """φ_J by the divergence of the pressure in the run; see :func:`haff.analysis.jamming_fraction`.

@@ -14,6 +14,7 @@ import pandas as pd
 
 import haff
 from haff import analysis, mechanics, theory
+from haff.files.container import Container
 
 
 class Hostile:
@@ -793,6 +794,10 @@ def of_packings(table: Table, run: haff.File) -> None:
         tolerance=(0.1, without(far, "none")),
     )
     table.add("contact_network", analysis.contact_network, **good, reduced_pressure=(9.0, without(NO_POSITIVE, "none")))
+    bins = {**without(NO_COUNT, "none"), "zero": 0}
+    ball = Container({"name": "ball", "sphere": {"center": [3, 3, 3], "radius": 3.0}}, 3)
+    inside = {**good, "box": (haff.Box([6.0] * 3, ["wall"] * 3, 3, container=ball), no_box)}
+    table.add("radial_porosity", analysis.radial_porosity, **inside, bins=(9, bins))
     neighbors = {**without(NO_COUNT, "none"), "zero": 0}
     table.add("bond_order", analysis.bond_order, **good, neighbors=(3, neighbors))
     rows = {

@@ -27,6 +27,7 @@ from .packings import (
     jamming_fraction,
     rattlers,
 )
+from .porosity import RadialPorosity, radial_porosity
 from .pressures import ReducedPressures, reduced_pressure, reduced_pressures
 from .scattering import StaticStructure, static_structure
 from .statistics import Estimate, block_average, drawn_frames
@@ -47,6 +48,7 @@ __all__ = [
     "JammingFit",
     "Overlap",
     "PairDistributions",
+    "RadialPorosity",
     "ReducedPressures",
     "Rheology",
     "StaticStructure",
@@ -70,6 +72,7 @@ __all__ = [
     "max_overlap",
     "pair_distributions",
     "radial_distribution",
+    "radial_porosity",
     "rattlers",
     "reduced_pressure",
     "reduced_pressures",

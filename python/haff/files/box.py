@@ -74,6 +74,8 @@ class Box(ReadOnly):
             array.flags.writeable = False
         self.size, self.boundary, self.edges, self.displacement = lengths, sides, edges, displacement
         self.dimension = arguments.count("dimension", dimension, 2, 3)
+        if container is not None and not isinstance(container, Container):
+            raise ArgumentError(f"container = {quoted(container)}: must be None, or that of another box")
         self.container = container
         self._made = True
 

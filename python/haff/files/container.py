@@ -98,6 +98,20 @@ class Container(NamedTuple):
         is_flat = [math.isfinite(height) and radius + slope * height > 0 for height, _ in ends]
         return [side, *(end(*one) for one, flat in zip(ends, is_flat) if flat)]
 
+    def round(self, size: Array) -> tuple[Array, Array, float, float | None] | None:
+        """Of a cylinder, a sphere or a circle: center, axis, radius and length, in a box with these edges.
+
+        The axis of a sphere and of a circle is 0, and they have no length. ``None`` for other shapes.
+        """
+        shape = self.wall[self.kind]
+        if self._is_circle and (self.dimension == 2 or self.kind == "sphere"):
+            center = _vector(shape["center" if self.kind == "sphere" else "point"])
+            return center, np.zeros(3), float(shape["radius"]), None
+        if self.kind != "cylinder" or self.dimension == 2:
+            return None
+        length = float(shape["length"]) if "length" in shape else float(np.abs(self._axis) @ size)
+        return _vector(shape["point"]), self._axis, float(shape["radius"]), length
+
     def volume(self, size: Array) -> float:
         """Volume [length³] in a box with these edges, in two dimensions the area [length²]."""
         if self._is_circle and self.dimension == 2:
