@@ -201,7 +201,7 @@ def test_walls_without_end_are_cut_at_the_box_and_large_obstacles_do_not_shrink_
     )
 
     earth = {"name": "earth", "sphere": {"center": [0, 0, -1e4], "radius": 1e4, "side": "outside"}}
-    file = SimpleNamespace(dimension=3, path=Path("a.h5"), scene={"wall": [earth]})
+    file = SimpleNamespace(dimension=3, path=Path("a.h5"), scene={"wall": [earth]}, compression=None)
     found = shapes.find(file, Extent(np.zeros(3), np.ones(3), np.zeros(3, bool)), 0.0)
     assert len(found.shapes) == 1 and found.room.size.max() <= 1 + 2 * shapes.FARTHEST
 
