@@ -184,9 +184,9 @@ pub struct Pack {
     /// What the particles are in.
     #[arg(long, value_enum, default_value_t = Container::Periodic)]
     pub container: Container,
-    /// Length of a cylinder or tube [its diameter].
-    #[arg(long, value_name = "RATIO", default_value_t = 2.0)]
-    pub aspect: f64,
+    /// Length of a cylinder or tube [its diameter]; 2 by default.
+    #[arg(long, value_name = "RATIO")]
+    pub aspect: Option<f64>,
     /// Growth of the largest diameter in a unit of time by the thermal speed √(T/m); slow growth jams
     /// later, and equal particles crystallise. Default: 0.1 up to packing fractions of 0.6 (disks: 0.82),
     /// 0.01 above, and 0.035 to jamming.

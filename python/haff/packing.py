@@ -115,7 +115,7 @@ class Packing(ReadOnly):
 
     @property
     def packing_fraction(self) -> float:
-        """Volume of the particles over that of the box, in two dimensions areas."""
+        """Volume of the particles over that of the box or of the container in it, in two dimensions areas."""
         return packing_fraction(self.file, self.box)
 
     @cached_property

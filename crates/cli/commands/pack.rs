@@ -29,6 +29,8 @@ const FRAMES: f64 = 10.0;
 const ROWS: f64 = 99.5;
 /// The box around a container is larger by this part.
 const AROUND: f64 = 1e-3;
+/// Usual length of a cylinder [its diameter].
+const ASPECT: f64 = 2.0;
 /// Packing fraction at which particles are placed only to sum their volumes.
 const DILUTE: f64 = 1e-3;
 
@@ -83,7 +85,6 @@ fn text(options: &Pack) -> Result<String, Failure> {
         ),
     };
     let rate = options.rate.unwrap_or(usual);
-    let sizes = options.sizes.as_deref().unwrap_or("0.5");
     let room = Room::of(options, start)?;
     // At the rate of diameters of 1 the growth takes at most this time; for other sizes it is about right.
     let densest = [0.91, 0.75][d];
@@ -102,14 +103,7 @@ fn text(options: &Pack) -> Result<String, Failure> {
          [domain]\n\
          {}\n\
          boundary = [{}]\n\n\
-         [[species]]\n\
-         name = \"grain\"\n\
-         count = {}\n\
-         radius = {sizes}\n\
-         mass = 1.0\n\n\
-         [initial]\n\
-         positions = \"random\"\n\
-         temperature = 1.0\n\n\
+         {}\n\
          [contact]\n\
          restitution = 1.0\n\n\
          [growth]\n\
@@ -124,11 +118,27 @@ fn text(options: &Pack) -> Result<String, Failure> {
         options.dimension,
         room.size,
         room.boundary,
-        options.count,
+        grains(options),
         long / FRAMES,
         room.wall,
     );
     Ok(text)
+}
+
+/// The tables of the particles.
+fn grains(options: &Pack) -> String {
+    format!(
+        "[[species]]\n\
+         name = \"grain\"\n\
+         count = {}\n\
+         radius = {}\n\
+         mass = 1.0\n\n\
+         [initial]\n\
+         positions = \"random\"\n\
+         temperature = 1.0\n",
+        options.count,
+        options.sizes.as_deref().unwrap_or("0.5"),
+    )
 }
 
 /// The box, and the container in it.
@@ -146,8 +156,15 @@ impl Room {
         let d = usize::from(options.dimension);
         let boundaries =
             |names: &[&str]| names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
-        let is_plain = matches!(options.container, Container::Periodic | Container::Box);
-        if is_plain {
+        let has_length = d == 3 && matches!(options.container, Container::Cylinder | Container::Tube);
+        if options.aspect.is_some() && !has_length {
+            let name = say("--aspect", "aspect");
+            return Err(Failure::new(
+                Status::Invalid,
+                format!("{name}: is for cylinders and tubes of spheres"),
+            ));
+        }
+        if matches!(options.container, Container::Periodic | Container::Box) {
             let boundary = if options.container == Container::Box { "wall" } else { "periodic" };
             return Ok(Self {
                 size: format!("packing_fraction = {start:?}"),
@@ -155,7 +172,7 @@ impl Room {
                 wall: String::new(),
             });
         }
-        let aspect = options.aspect;
+        let aspect = options.aspect.unwrap_or(ASPECT);
         if !(aspect > 0.0 && aspect < 1e6) {
             let name = say("--aspect", "aspect");
             return Err(Failure::new(Status::Invalid, format!("{name}: must be above 0 and below 1000000")));
@@ -208,14 +225,14 @@ impl Room {
 
 /// The volume of all particles, in two dimensions the area [length^d].
 fn filled(options: &Pack) -> Result<f64, Failure> {
-    let sizes = options.sizes.as_deref().unwrap_or("0.5");
     let boundary = vec!["\"periodic\""; usize::from(options.dimension)].join(", ");
     // Radii depend on the seed, the species and the number alone.
     let text = format!(
         "seed = {}\ndimension = {}\n[domain]\npacking_fraction = {DILUTE:?}\nboundary = [{boundary}]\n\
-         [[species]]\nname = \"grain\"\ncount = {}\nradius = {sizes}\nmass = 1.0\n\
-         [initial]\npositions = \"random\"\ntemperature = 1.0\n[run]\nuntil = 1.0\n",
-        options.seed, options.dimension, options.count,
+         {}[run]\nuntil = 1.0\n",
+        options.seed,
+        options.dimension,
+        grains(options),
     );
     let scene =
         haff_scene::parse("haff pack", &text, &[], &States).map_err(|errors| scene_failure(&errors))?;

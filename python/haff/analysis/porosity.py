@@ -64,9 +64,9 @@ def radial_porosity(positions: ArrayLike, radii: ArrayLike, box: Box, bins: int 
     count = arguments.count("bins", bins, 1, MOST)
     if box.container is None:
         raise NotApplicableError("the box has no container: a cylinder, a sphere or a circle")
-    if (round_one := box.container.round(box.size)) is None:
+    if (circular := box.container.circular(box.size)) is None:
         raise NotApplicableError("the container is neither a cylinder along an axis with a circle in it, nor a sphere")
-    center, axis, outer, length = round_one
+    center, axis, outer, length = circular
     r = position - center
     r -= (r @ axis)[:, None] * axis
     rho = np.linalg.norm(r, axis=1)

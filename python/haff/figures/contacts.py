@@ -89,7 +89,7 @@ def _contacts(axes: Axes, frame: Frame, network: ContactNetwork, shown: Array) -
         np.stack([position[first], position[first] + vector], axis=1),
         np.stack([position[second] - vector, position[second]], axis=1),
     ]
-    at = shown[found.wall_rows] & ~network.rattlers[found.wall_rows]
+    at = shown[found.wall_rows] & ~network.rattlers[found.wall_rows] & found.wall_vector[:, :2].any(axis=1)
     start = position[found.wall_rows[at]]
     lines.append(np.stack([start, start + found.wall_vector[at, :2]], axis=1))
     width = np.clip(60 / np.sqrt(max(1, np.count_nonzero(shown))) / 4, *THICK)

@@ -98,39 +98,47 @@ class Container(NamedTuple):
         is_flat = [math.isfinite(height) and radius + slope * height > 0 for height, _ in ends]
         return [side, *(end(*one) for one, flat in zip(ends, is_flat) if flat)]
 
-    def round(self, size: Array) -> tuple[Array, Array, float, float | None] | None:
+    def circular(self, size: Array) -> tuple[Array, Array, float, float | None] | None:
         """Of a cylinder, a sphere or a circle: center, axis, radius and length, in a box with these edges.
 
         The axis of a sphere and of a circle is 0, and they have no length. ``None`` for other shapes.
         """
         shape = self.wall[self.kind]
-        if self._is_circle and (self.dimension == 2 or self.kind == "sphere"):
-            center = _vector(shape["center" if self.kind == "sphere" else "point"])
-            return center, np.zeros(3), float(shape["radius"]), None
-        if self.kind != "cylinder" or self.dimension == 2:
+        if self.kind == "sphere" or (self.dimension == 2 and self._is_circle):
+            return _vector(shape["center" if self.kind == "sphere" else "point"]), np.zeros(3), shape["radius"], None
+        if self.kind == "cone" or self.dimension == 2:
             return None
-        length = float(shape["length"]) if "length" in shape else float(np.abs(self._axis) @ size)
-        return _vector(shape["point"]), self._axis, float(shape["radius"]), length
+        return _vector(shape["point"]), self._axis, shape["radius"], self._length(size)
+
+    def _length(self, size: Array) -> float:
+        """Along the axis of a cylinder or a cone; one without end is the same along an axis of the box."""
+        *_, low, high = self._profile()
+        return high - low if math.isfinite(high) else float(np.abs(self._axis) @ size)
 
     def volume(self, size: Array) -> float:
         """Volume [length³] in a box with these edges, in two dimensions the area [length²]."""
-        if self._is_circle and self.dimension == 2:
-            return math.pi * float(self.wall[self.kind]["radius"]) ** 2
-        if self.kind == "sphere":
-            return 4 / 3 * math.pi * float(self.wall["sphere"]["radius"]) ** 3
+        if (circular := self.circular(size)) is not None:
+            _, _, radius, length = circular
+            if self.dimension == 2:
+                return math.pi * radius**2
+            return 4 / 3 * math.pi * radius**3 if length is None else math.pi * radius**2 * length
         _, radius, slope, low, high = self._profile()
-        # One without end is the same along an axis of the box.
-        length = high - low if math.isfinite(high) else float(np.abs(self._axis) @ size)
         a, b = (radius, radius) if slope == 0 else (radius + slope * low, radius + slope * high)
+        length = self._length(size)
         return (a + b) * length if self.dimension == 2 else math.pi / 3 * (a * a + a * b + b * b) * length
 
 
 def container_of(scene: dict[str, Any], dimension: int) -> Container | None:
     """The container of a scene whose box is compressed, at its size at time 0; ``None`` if there is none."""
-    if "growth" not in scene and "compression" not in scene.get("domain", {}):
+    given = scene.get("domain", {}).get("compression", {})
+    if "growth" not in scene and not np.any(given.get("rates", given.get("rate", 0.0))):
         return None
-    walls = [wall for wall in shaped_walls(scene) if shape_of(wall) in _LENGTHS]
-    return Container(walls[0], dimension) if walls else None
+    walls = shaped_walls(scene)
+    if len(walls) != 1 or (kind := shape_of(walls[0])) not in _LENGTHS:
+        return None
+    shape = walls[0][kind]
+    is_closed = shape.get("side", "inside") == "inside" and (kind != "cone" or "length" in shape)
+    return Container(walls[0], dimension) if is_closed else None
 
 
 def scaled(wall: dict[str, Any], scale: float) -> dict[str, Any]:

@@ -274,11 +274,17 @@ class Header(ReadOnly):
 
     def _container(self, edge: float) -> Container | None:
         """The container that shrinks with the box, where the first edge is this long [length]."""
+        if self._whole is None:
+            return None
+        container, whole = self._whole
+        return container.scaled(edge / whole)
+
+    @cached_property
+    def _whole(self) -> tuple[Container, float] | None:
+        """The container at time 0, and the first edge of the box of the scene, which is that of time 0 [length]."""
         if (container := container_of(self.scene, self.dimension)) is None:
             return None
-        # The box of the scene is that of time 0.
-        whole = self.stored.column("parameters/box_size", (3,), "f")[:][0]
-        return container.scaled(edge / float(whole))
+        return container, float(self.stored.column("parameters/box_size", (3,), "f")[:][0])
 
     @cached_property
     def shear(self) -> Shear | None:
@@ -355,9 +361,10 @@ class Header(ReadOnly):
 
 
 def packing_fraction(file: Header, box: Box | None = None) -> float:
-    """Volume (area) of the particles over that of the box; NaN with open axes, whose size is a placeholder.
+    """Volume (area) of the particles over that of the box, or of the container that shrinks with it.
 
-    ``box`` is that of a frame, where the box is compressed; by default that of the first frame.
+    NaN with open axes, whose size is a placeholder. ``box`` is that of a frame, where the box is compressed; by default
+    that of the first frame.
     """
     box = file.box if box is None else box
     if "open" in box.boundary[: file.dimension]:

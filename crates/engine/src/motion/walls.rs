@@ -8,7 +8,7 @@ use crate::{
         Shape, WallMotion,
         bounds::allowed_overlap,
         wall_law::WallLaw,
-        wall_motion::{Approach, Shrinking},
+        wall_motion::{Approach, Shrinking, WallTime},
     },
     numerics::clock::HORIZON,
     state::{
@@ -29,8 +29,8 @@ pub(crate) struct ShrinkingFrame {
 
 impl ShrinkingFrame {
     /// That of an anchor at a time.
-    pub fn of(motion: &Shrinking, time: f64) -> Self {
-        Self { scale: 1.0 - motion.rate * time, rate: motion.rate }
+    pub fn of(motion: &Shrinking, at: impl WallTime) -> Self {
+        Self { scale: motion.scale(at), rate: motion.rate }
     }
 
     /// The time θ = τ/s of the frame at a time τ after the anchor \[time\].
@@ -65,7 +65,7 @@ impl World {
             let (position, velocity) = self.relative_to(wall, (position, velocity), ticks);
             let (distance, rate) = shape.surface().approach(position, velocity);
             if let WallMotion::Shrinking(motion) = &self.boundary.walls[wall as usize].motion {
-                let scale = self.boundary.walls[wall as usize].motion.scale((&self.clock, ticks));
+                let scale = motion.scale((&self.clock, ticks));
                 return (scale * distance - radius, rate - motion.rate * distance);
             }
             return (distance - radius, rate);
@@ -132,7 +132,7 @@ impl World {
         }
         let flight = self.relative_flight(anchor, acceleration, wall);
         if let WallMotion::Shrinking(motion) = &self.boundary.walls[wall as usize].motion {
-            let frame = ShrinkingFrame::of(motion, self.clock.time(anchor.time));
+            let frame = ShrinkingFrame::of(motion, (&self.clock, anchor.time));
             let (radius, within) = (radius / frame.scale, frame.to(within));
             let delay = frame.from(shape.surface().time_to_contact(&flight, radius, within)?)?;
             return Some(delay * self.clock.per_time);

@@ -151,7 +151,7 @@ impl Planes {
             let flight = world.relative_flight(anchor, acceleration, wall);
             let (radius, slack, duration) = match &world.boundary.walls[wall as usize].motion {
                 WallMotion::Shrinking(motion) => {
-                    let frame = ShrinkingFrame::of(motion, world.clock.time(anchor.time));
+                    let frame = ShrinkingFrame::of(motion, (&world.clock, anchor.time));
                     let duration = frame.to(duration);
                     let largest = flight.radius_at(radius, duration).max(radius);
                     (largest / frame.scale, self.slack / frame.scale, duration)

@@ -136,7 +136,7 @@ fn a_container_is_the_volume_of_packing_fraction_and_pressure() {
     assert!((sample.box_volume / volume - 1.0).abs() < 1e-7);
     let filled = 400.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e-9;
     assert!((sample.packing_fraction * volume / filled - 1.0).abs() < 1e-7);
-    // Without forces between particles there is only their kinetic energy, which they keep.
+    // Collisions hardly count; of the kinetic energy that of the common motion does not, about a part 1/N.
     let pressure = sample.pressure.unwrap();
     assert!((pressure * volume / (400.0 * sample.temperature) - 1.0).abs() < 0.01, "{pressure}");
 }

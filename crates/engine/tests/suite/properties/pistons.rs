@@ -9,7 +9,7 @@ use haff_engine::{
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 
-use super::{Recipe, check_each, passages::outcome};
+use super::{Recipe, check_each, passages::outcome, recipe::PLAIN};
 use crate::common::{Random, features::add_wall};
 
 /// The system of a recipe with one piston or two. `None` if all axes are periodic.
@@ -120,7 +120,6 @@ fn random_pistons_are_in_balance_and_independent_of_search() {
 #[test]
 fn contacts_of_a_carried_grain_follow_the_impacts_on_the_piston() {
     let recipe = Recipe {
-        flat: false,
         boundary: [1, 2, 2],
         particles: 48,
         species: 2,
@@ -129,28 +128,9 @@ fn contacts_of_a_carried_grain_follow_the_impacts_on_the_piston() {
         ramp: 2,
         fixed: true,
         tc: true,
-        fast: false,
-        speeds: false,
-        ratios: false,
-        rest: false,
-        far: false,
-        light: false,
-        wedge: false,
-        long: false,
-        drive: 0,
-        thermal: false,
-        measure: false,
-        partition: false,
-        rough: 0,
-        shear: 0,
-        compression: 0,
-        huge: false,
         corner: true,
-        top: false,
-        at_kick: false,
-        changed: false,
-        shape: 0,
         seed: 10_557_759_970_363_737_621,
+        ..PLAIN
     };
     assert!(check(&recipe).unwrap().unwrap() > 5000);
 }
