@@ -62,14 +62,39 @@ impl World {
         ticks: i64,
     ) -> (f64, f64) {
         if let Some(shape) = &self.boundary.walls[wall as usize].shape {
-            let (position, velocity) = self.relative_to(wall, (position, velocity), ticks);
-            let (distance, rate) = shape.surface().approach(position, velocity);
-            if let WallMotion::Shrinking(motion) = &self.boundary.walls[wall as usize].motion {
-                let scale = motion.scale((&self.clock, ticks));
-                return (scale * distance - radius, rate - motion.rate * distance);
-            }
-            return (distance - radius, rate);
+            return self.surface_approach((wall, shape), radius, (position, velocity), ticks);
         }
+        self.plane_approach(wall, radius, position, velocity, ticks)
+    }
+
+    /// [`Self::wall_approach`] of a wall that is no half-space.
+    #[inline(never)]
+    fn surface_approach(
+        &self,
+        (wall, shape): (u32, &Shape),
+        radius: f64,
+        state: (DVec3, DVec3),
+        ticks: i64,
+    ) -> (f64, f64) {
+        let (position, velocity) = self.relative_to(wall, state, ticks);
+        let (distance, rate) = shape.surface().approach(position, velocity);
+        if let WallMotion::Shrinking(motion) = &self.boundary.walls[wall as usize].motion {
+            let scale = motion.scale((&self.clock, ticks));
+            return (scale * distance - radius, rate - motion.rate * distance);
+        }
+        (distance - radius, rate)
+    }
+
+    /// [`Self::wall_approach`] of a half-space.
+    #[inline]
+    fn plane_approach(
+        &self,
+        wall: u32,
+        radius: f64,
+        position: DVec3,
+        velocity: DVec3,
+        ticks: i64,
+    ) -> (f64, f64) {
         if self.is_level(wall) {
             let wall = &self.boundary.walls[wall as usize];
             let contact = wall.point.dot(wall.normal) + radius;
@@ -103,7 +128,7 @@ impl World {
             return self.surface_contact(anchor, (radius, within), acceleration, (wall, shape));
         }
         let (distance, rate) =
-            self.wall_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
+            self.plane_approach(wall, radius, anchor.position, anchor.velocity, anchor.time);
         let wall = &self.boundary.walls[wall as usize];
         let approach = Approach {
             distance,

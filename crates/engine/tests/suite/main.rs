@@ -6,6 +6,7 @@ mod checkpoints;
 mod common;
 mod compression;
 mod containers;
+mod curved;
 mod drives;
 mod endless;
 mod flow;

@@ -5,6 +5,7 @@
 //! suite properties` tries more of them, and `HAFF_SEED` gives others.
 
 mod changed;
+mod containers;
 mod former;
 mod passages;
 mod pistons;
