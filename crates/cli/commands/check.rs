@@ -76,8 +76,8 @@ fn hops(system: &System) -> Vec<&str> {
     }
     let walls = system.walls.len();
     let ends = |(wall, shape): (usize, &Wall)| {
-        let hops = shape.shape.is_some()
-            || !matches!(shape.motion, WallMotion::Fixed | WallMotion::Oscillating(_));
+        let hops =
+            shape.shape.is_some() || !matches!(shape.motion, WallMotion::Fixed | WallMotion::Oscillating(_));
         let laws = system.contacts.wall.iter().skip(wall).step_by(walls);
         hops && laws.into_iter().any(|law| matches!(law, WallLaw::Restitution(law) if !law.is_elastic()))
     };

@@ -226,11 +226,7 @@ impl World {
     /// energy.
     #[inline]
     pub fn is_level(&self, wall: u32) -> bool {
-        let wall = &self.boundary.walls[wall as usize];
-        self.gravity != DVec3::ZERO
-            && !wall.motion.is_moving()
-            && wall.shape.is_none()
-            && wall.normal.abs().max_element() == 1.0
+        self.boundary.level[wall as usize]
     }
 
     /// Unit normal of a wall towards particle i in contact, with this position and velocity at `ticks`: in an

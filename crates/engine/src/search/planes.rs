@@ -23,7 +23,9 @@ pub(crate) fn searched(duration: f64, tick: f64) -> f64 {
 /// The walls of a system as planes, and those of other shapes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {
+    /// Half-spaces.
     flat: Vec<FilteredPlane>,
+    partitions: Vec<FilteredPlane>,
     shapes: Vec<FilteredShape>,
     /// Distances up to this are treated as contacts [length].
     slack: f64,
@@ -39,11 +41,29 @@ struct FilteredPlane {
     reference_time: f64,
     /// Mean velocity along the normal [length/time].
     speed: f64,
-    /// Of a wall with particles on both sides: how far the farthest place of the wall to the other side is
-    /// behind `offset` [length].
-    swing: Option<f64>,
+    /// How far the farthest place of the wall to the other side is behind `offset` [length].
+    swing: f64,
     /// Its index.
     wall: u32,
+}
+
+impl FilteredPlane {
+    /// Height of an anchor above the plane, and its first and second rate of change.
+    #[inline(always)]
+    fn approach(&self, anchor: &Particle, acceleration: DVec3, time: f64) -> [f64; 3] {
+        let height =
+            self.normal.dot(anchor.position) - self.offset - self.speed * (time - self.reference_time);
+        [height, self.normal.dot(anchor.velocity) - self.speed, self.normal.dot(acceleration)]
+    }
+
+    /// Whether a particle can touch it within a `duration`, from its distance and the rates of change of that.
+    #[inline(always)]
+    fn is_in_reach(&self, [distance, rate, pull]: [f64; 3], duration: f64, slack: f64) -> bool {
+        // Not larger than the smallest distance: an acceleration away from the wall is left out. Sums of four
+        // planes at a time, for vector instructions, take 8 % more instructions of a gas between six walls.
+        let approach = rate.min(0.0) + 0.5 * pull.min(0.0) * duration;
+        distance + approach * duration <= slack
+    }
 }
 
 /// A wall that is neither a half-space nor a partition.
@@ -77,7 +97,7 @@ impl Planes {
     pub fn new(world: &World) -> Self {
         let walls = || world.boundary.walls.iter().zip(0..);
         let shapes = walls().filter_map(|(wall, index)| FilteredShape::of(wall, index));
-        let planes = walls().filter(|(wall, _)| wall.surface().is_none()).map(|(wall, index)| {
+        let plane = |(wall, index): (&Wall, u32)| {
             let (speed, amplitude) = wall.motion.bound(wall.normal);
             FilteredPlane {
                 wall: index,
@@ -85,16 +105,19 @@ impl Planes {
                 offset: wall.point.dot(wall.normal) + amplitude,
                 reference_time: wall.motion.reference_time(),
                 speed,
-                swing: matches!(wall.shape, Some(Shape::Partition(_))).then_some(2.0 * amplitude),
+                swing: 2.0 * amplitude,
             }
-        });
+        };
+        let flat = walls().filter(|(wall, _)| wall.shape.is_none()).map(plane).collect();
+        let is_partition = |wall: &Wall| matches!(wall.shape, Some(Shape::Partition(_)));
+        let partitions = walls().filter(|(wall, _)| is_partition(wall)).map(plane).collect();
         let extent = world
             .boundary
             .walls
             .iter()
             .map(|wall| wall.coordinates().length())
             .fold(world.periodicity(world.now).size.length(), f64::max);
-        Self { flat: planes.collect(), shapes: shapes.collect(), slack: SLACK * extent }
+        Self { flat, partitions, shapes: shapes.collect(), slack: SLACK * extent }
     }
 
     /// Calls `predict` for each wall that a particle with this anchor can touch within the `duration` [time]
@@ -111,30 +134,20 @@ impl Planes {
     ) {
         let time = world.clock.time(anchor.time);
         for plane in &self.flat {
-            let height = plane.normal.dot(anchor.position)
-                - plane.offset
-                - plane.speed * (time - plane.reference_time);
-            let rate = plane.normal.dot(anchor.velocity) - plane.speed;
-            let pull = plane.normal.dot(acceleration);
-            let (height, rate, pull) = match plane.swing {
-                Some(swing) if height < 0.0 => (-height - swing, -rate, -pull),
-                _ => (height, rate, pull),
-            };
-            let distance = height - radius;
-            // Not larger than the smallest distance: an acceleration away from the wall is left out.
-            let approach = rate.min(0.0) + 0.5 * pull.min(0.0) * duration;
-            if distance + approach * duration <= self.slack {
+            let [height, rate, pull] = plane.approach(anchor, acceleration, time);
+            if plane.is_in_reach([height - radius, rate, pull], duration, self.slack) {
                 predict(plane.wall);
             }
         }
-        if !self.shapes.is_empty() {
-            self.for_each_shape_in_reach(world, anchor, (radius, acceleration), duration, predict);
+        if !(self.partitions.is_empty() && self.shapes.is_empty()) {
+            self.for_each_other_in_reach(world, anchor, (radius, acceleration), duration, predict);
         }
     }
 
-    /// [`Self::for_each_in_reach`] for shapes, by their distance: it falls no faster than the particle moves.
+    /// [`Self::for_each_in_reach`] for partitions, and for shapes by their distance: it falls no faster than
+    /// the particle moves.
     #[inline(never)]
-    fn for_each_shape_in_reach(
+    fn for_each_other_in_reach(
         &self,
         world: &World,
         anchor: &Particle,
@@ -142,6 +155,16 @@ impl Planes {
         duration: f64,
         mut predict: impl FnMut(u32),
     ) {
+        let time = world.clock.time(anchor.time);
+        for plane in &self.partitions {
+            let [mut height, mut rate, mut pull] = plane.approach(anchor, acceleration, time);
+            if height < 0.0 {
+                [height, rate, pull] = [-height - plane.swing, -rate, -pull];
+            }
+            if plane.is_in_reach([height - radius, rate, pull], duration, self.slack) {
+                predict(plane.wall);
+            }
+        }
         let path = (anchor.velocity.length() + 0.5 * acceleration.length() * duration) * duration;
         for &FilteredShape { surface, center, clearance, wall } in &self.shapes {
             let apart = clearance - (radius + self.slack + path);

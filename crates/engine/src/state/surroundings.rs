@@ -15,6 +15,9 @@ pub(crate) struct Surroundings {
     /// How the box deforms.
     pub deformation: Option<Deformation>,
     pub walls: Vec<Wall>,
+    /// For each wall, whether it is at rest, under gravity, and perpendicular to an axis, see
+    /// `World::is_level`.
+    pub level: Vec<bool>,
     /// The walls that are pistons, by their indices.
     pub pistons: Vec<u32>,
     /// Whether a wall can carry grains: it oscillates, and does not reflect all of them elastically or
@@ -36,6 +39,7 @@ impl Surroundings {
             periodicity,
             deformation,
             walls: system.walls.clone(),
+            level: system.walls.iter().map(|wall| is_level(wall, system.domain.gravity)).collect(),
             pistons: system.pistons().map(|(wall, _)| wall as u32).collect(),
             carries: can_carry(system),
             wall_sums: system.measure.wall_forces.then(|| Box::new(WallSums::new(system.walls.len()))),
@@ -47,8 +51,16 @@ impl Surroundings {
     /// The same for a block, which keeps what walls give in its step.
     pub fn of_block(&self) -> Self {
         let wall_sums = self.wall_sums.as_ref().map(|_| Box::new(WallSums::of_block()));
-        Self { walls: self.walls.clone(), pistons: self.pistons.clone(), wall_sums, ..*self }
+        let (walls, level, pistons) = (self.walls.clone(), self.level.clone(), self.pistons.clone());
+        Self { walls, level, pistons, wall_sums, ..*self }
     }
+}
+
+fn is_level(wall: &Wall, gravity: DVec3) -> bool {
+    gravity != DVec3::ZERO
+        && !wall.motion.is_moving()
+        && wall.shape.is_none()
+        && wall.normal.abs().max_element() == 1.0
 }
 
 /// Whether a wall can carry grains: it oscillates, and grains bounce on it with losses.
