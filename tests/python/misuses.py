@@ -714,6 +714,11 @@ def of_frames(table: Table, run: haff.File) -> None:
         ),
     )
     table.add(
+        "mean",
+        analysis.mean,
+        values=(np.arange(40.0), {**NO_NUMBERS, **BEYOND, "cube": np.zeros((2, 2, 2)), "nothing": []}),
+    )
+    table.add(
         "block_average",
         analysis.block_average,
         values=(np.arange(40.0), {**NO_NUMBERS, **BEYOND, "cube": np.zeros((2, 2, 2)), "too few": [1.0]}),

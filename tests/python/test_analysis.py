@@ -111,6 +111,57 @@ def test_block_average_error_includes_correlations():
         analysis.block_average([1.0, 2.0], 20)
 
 
+def test_means_leave_out_the_start_and_say_what_drifts():
+    rng = np.random.default_rng(6)
+    white, series = rng.normal(size=20_000), np.zeros(20_000)
+    for k in range(1, len(series)):
+        series[k] = 0.95 * series[k - 1] + white[k]
+    found = analysis.mean(series)
+    # Exact error of the mean of this process.
+    exact = 20 / np.sqrt(len(series))
+    assert found.error == pytest.approx(exact, rel=0.2) and abs(found.z(0.0)) < 4
+    assert found.independent == pytest.approx(len(series) / 39, rel=0.4) and not found.drifts
+    relaxing = np.concatenate([[np.nan], series + 200 * np.exp(-np.arange(20_000) / 300)])
+    found = analysis.mean(relaxing)
+    assert 1000 < found.start < 5000 and abs(found.z(0.0)) < 4 and not found.drifts
+    assert analysis.mean(series + 1e-3 * np.arange(20_000)).drifts
+    assert np.isnan(analysis.mean([1.0, 2.0]).error)
+    for wrong in ([], [np.nan], [1.0, np.inf], [[1.0, 2.0]]):
+        with pytest.raises(haff.errors.ArgumentError, match="must be one series of finite numbers"):
+            analysis.mean(wrong)
+
+
+def test_means_of_a_run_have_errors_and_names(tmp_path):
+    scene = {
+        "seed": 2,
+        "domain": {"packing_fraction": 0.1},
+        "species": [{"name": "atom", "count": 200, "radius": 0.5, "mass": 1.0, "temperature": 1.0}],
+        "contact": {"restitution": 1.0},
+        "run": {"until": 40.1},
+        "output": {"observables": 0.2, "frames": False},
+    }
+    with haff.run(scene, file=tmp_path / "gas.h5").file as run:
+        means = run.means
+        assert set(means.index) == set(run.observables.columns) - {"time", "step"}
+        pressure = means.loc["pressure"]
+        # The first value is NaN, and the last interval is shorter than the others.
+        expected = analysis.mean(run.samples["pressure"][1:-1])
+        assert pressure["mean"] == pytest.approx(expected.mean, rel=1e-12)
+        assert pressure["error"] == pytest.approx(expected.error, rel=1e-9)
+        assert pressure["start"] == pytest.approx(run.samples["time"][1 + expected.start] - 0.1, abs=1e-9)
+        # The momentum is zero, so the pressure is that of N − 1 particles.
+        ideal = 199 / run.box.volume * means.loc["temperature", "mean"]
+        z = float(haff.theory.compressibility(0.1)) * ideal
+        assert abs(pressure["mean"] - z) < 4 * pressure["error"] and not pressure["drifts"]
+        assert means.loc["kinetic_energy", "error"] < 1e-12 and means.loc["collisions", "drifts"]
+    # Samples at the times of frames, too, and times in a geometric series.
+    for output in ({"observables": 0.2, "frames": 0.31}, {"observables": {"log": [0.1, 1.02]}, "frames": False}):
+        with haff.run({**scene, "output": output}, file=tmp_path / f"{len(output)}.h5", overwrite=True).file as run:
+            other = run.means.loc["pressure"]
+            assert abs(other["mean"] - z) < 4 * other["error"], output
+            assert other["error"] < 3 * pressure["error"], output
+
+
 def test_pair_distribution_of_an_ideal_gas_is_one(tmp_path):
     rng = np.random.default_rng(2)
     n, side = 4000, 20.0

@@ -57,9 +57,10 @@ pub use model::{
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{
     BlockCounts, CORRELATIONS, Checkpoint, Compressed, Correlation, CorrelationKind, Counters, EventColumn,
-    EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, NO_PARTNER, Observable, Observer,
-    Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop, StressTensor,
-    Term, Total, VelocityChange, counts, energies, observables, residual_warning, total_names, totals,
+    EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, Mean, NO_PARTNER, Observable,
+    Observer, Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop,
+    StressTensor, Term, Total, VelocityChange, counts, energies, observables, residual_warning, total_names,
+    totals,
 };
 pub use simulation::{
     Change, NewParticle, SearchSupport, Simulation, Until, clustering_warning, critical_length,

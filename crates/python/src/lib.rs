@@ -24,6 +24,7 @@ mod threads;
 mod _engine {
     #[pymodule_export]
     use super::{
+        observables::mean,
         scenes::{mesh, schema, templates, total_names, validate},
         simulation::Simulation,
         text::{document, value},

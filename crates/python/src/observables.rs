@@ -1,7 +1,7 @@
 //! Samples and counters as dicts, named as in files.
 
-use haff_engine::{Counters, Observable, Quantity, Sample, SceneFeatures, Sizes, observables};
-use numpy::PyArrayMethods;
+use haff_engine::{Counters, Mean, Observable, Quantity, Sample, SceneFeatures, Sizes, observables};
+use numpy::{PyArrayMethods, PyReadonlyArray1};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::arrays::column;
@@ -52,4 +52,22 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
         row.set_item(name, count)?;
     }
     Ok(row)
+}
+
+/// The mean of a series over its stationary part: its fields by name; `None` if there is none.
+#[pyfunction]
+pub fn mean<'py>(
+    py: Python<'py>,
+    values: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Option<Bound<'py, PyDict>>> {
+    let values = values.as_array().to_vec();
+    let Some(found) = py.detach(|| Mean::of(&values)) else { return Ok(None) };
+    let row = PyDict::new(py);
+    row.set_item("mean", found.mean)?;
+    row.set_item("error", found.error)?;
+    row.set_item("start", found.start)?;
+    row.set_item("independent", found.independent)?;
+    row.set_item("slope", found.slope)?;
+    row.set_item("drifts", found.drifts)?;
+    Ok(Some(row))
 }

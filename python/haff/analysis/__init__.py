@@ -30,7 +30,7 @@ from .packings import (
 from .porosity import RadialPorosity, radial_porosity
 from .pressures import ReducedPressures, reduced_pressure, reduced_pressures
 from .scattering import StaticStructure, static_structure
-from .statistics import Estimate, block_average, drawn_frames
+from .statistics import Estimate, Mean, block_average, drawn_frames, mean
 from .structure import cluster_sizes, radial_distribution, structure_factor
 from .transport import Rheology, Transport, rheology, running_integral, self_diffusion, shear_viscosity, viscosity_scale
 from .velocities import scaled_velocities, sonine_a2, velocity_histogram
@@ -46,6 +46,7 @@ __all__ = [
     "HeatedState",
     "HeightProfile",
     "JammingFit",
+    "Mean",
     "Overlap",
     "PairDistributions",
     "RadialPorosity",
@@ -70,6 +71,7 @@ __all__ = [
     "jamming_fraction",
     "kinetic_energy",
     "max_overlap",
+    "mean",
     "pair_distributions",
     "radial_distribution",
     "radial_porosity",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..common import arguments
+from ..common.compiled import compiled
 from ..errors import ArgumentError
 from ..text import quoted
 from .checked import checked
@@ -29,6 +30,42 @@ class Estimate(NamedTuple):
         if arguments.real("uncertainty", uncertainty) < 0:
             raise ArgumentError(f"uncertainty = {quoted(uncertainty)}: must not be negative")
         return (self.mean - expected) / float(np.hypot(self.error, uncertainty))
+
+
+class Mean(NamedTuple):
+    """The mean of a correlated series over its stationary part."""
+
+    mean: float
+    error: float
+    """Its standard error; NaN of fewer than 16 values."""
+    start: int
+    """Index of the first value of the stationary part."""
+    independent: float
+    """Number of independent values that would have the same error; of fewer than some 30 it is a lower bound."""
+    slope: float
+    """The slope of the stationary part in its standard errors."""
+    drifts: bool
+    """Whether the series is not stationary: the mean then depends on the length of the run."""
+
+    def z(self, expected: float, uncertainty: float = 0.0) -> float:
+        """(mean − expected) in standard errors; ``uncertainty`` of the expectation is added in quadrature."""
+        return Estimate(self.mean, self.error).z(expected, uncertainty)
+
+
+def mean(values: ArrayLike) -> Mean:
+    """Mean of a correlated series at equal intervals, with a standard error that takes correlation into account.
+
+    The error is that of means over blocks (Flyvbjerg and Petersen 1989) of the size of Lee et al. (2011). What comes
+    before the stationary part is left out where that makes the error smaller (White 1997). Values at the start that are
+    NaN, as of means over intervals, are left out.
+
+    Raises :class:`ArgumentError` if there is no number, or a later value is none.
+    """
+    series = arguments.reals("values", values)
+    found = compiled().mean(np.ascontiguousarray(series, float)) if series.ndim == 1 else None
+    if found is None:
+        raise ArgumentError(f"values = {quoted(values)}: must be one series of finite numbers")
+    return Mean(**found)
 
 
 def block_average(values: ArrayLike, blocks: int = 20, weights: ArrayLike | None = None) -> Estimate:

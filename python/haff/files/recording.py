@@ -109,6 +109,19 @@ class Recording(Header):
         return samples.table(self.samples)
 
     @cached_property
+    def means(self) -> pd.DataFrame:
+        """The mean of each observable: rows by name, as the columns of :attr:`observables`.
+
+        ``mean`` is that over the stationary part, from the time ``start`` on, and ``error`` its standard error, which
+        takes correlation into account; ``independent`` is the number of independent values that would have the same
+        error. ``drifts`` says that there is no stationary part, as of all that is counted since the start; ``slope`` is
+        in its standard errors. Samples at other intervals count as means over them. See :func:`haff.analysis.mean`.
+
+        Raises :class:`MissingDataError` if the scene recorded none.
+        """
+        return samples.means(self.samples)
+
+    @cached_property
     def samples(self) -> dict[str, Array]:
         """The samples as arrays ``[S]`` by name, those of :attr:`observables`; needs no pandas."""
         return samples.by_name(self)

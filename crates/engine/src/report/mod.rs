@@ -3,7 +3,7 @@ The output of a simulation as plain data: events, frames, samples, counters and 
 
 *What is here.* [`Observer`] receives events and changes of velocity; [`Frame`], [`Sample`] and
 [`Checkpoint`] are what a caller asks for. `ledger` has the terms of the balance of energies, [`observables`]
-names, units and formulas of all columns of samples, [`totals`] the numbers of a whole run. The recorder,
+names, units and formulas of all columns of samples, [`totals`] the numbers of a whole run, `mean` means of series with their errors. The recorder,
 reports and Python take names, units and signs from these tables.
 
 *What to change here.* A new observable is a row of [`observables`]; a value that [`Sample`] does not have
@@ -22,6 +22,7 @@ pub(crate) mod compressed;
 pub(crate) mod correlation;
 pub(crate) mod event;
 pub(crate) mod ledger;
+pub(crate) mod mean;
 pub(crate) mod observables;
 pub(crate) mod observer;
 pub(crate) mod sample;
@@ -34,6 +35,7 @@ pub use compressed::Compressed;
 pub use correlation::{CORRELATIONS, Correlation, CorrelationKind};
 pub(crate) use event::row;
 pub use event::{EventColumn, EventKind, EventRecord, NO_PARTNER};
+pub use mean::Mean;
 pub(crate) use observer::with_ids;
 pub use observer::{Observer, ProfileRow, Silent};
 pub use sample::{BlockCounts, Counters, Frame, Sample, Stop};
