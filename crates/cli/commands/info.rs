@@ -3,7 +3,8 @@
 use std::{path::Path, time::Duration};
 
 use console::Term;
-use haff_engine::{Sample, residual_warning, significant};
+use haff_engine::{Mean, Sample, residual_warning, significant};
+use haff_record::NamedMean;
 use serde_json::{Value, json};
 
 use crate::{
@@ -45,12 +46,60 @@ fn energy(value: f64) -> String {
     significant(value, 9)
 }
 
+/// Observables that are sums since the start, or errors.
+const NO_MEANS: [&str; 3] = ["dissipated_energy", "carnot_energy", "ledger_residual"];
+/// With fewer independent values an error is a lower bound.
+const FEW: f64 = 30.0;
+
+/// A mean with its error, to two digits of the error.
+fn with_error(found: &NamedMean) -> String {
+    let Mean { mean, error, independent, drifts, .. } = found.mean;
+    if error.is_nan() {
+        return format!("{}, of too few samples for an error", energy(mean));
+    }
+    if error == 0.0 {
+        return energy(mean);
+    }
+    // At least as many digits as the error has in front of the point.
+    let digits = 1 - error.log10().floor() as i32;
+    let value = |x: f64| {
+        if (-4..=12).contains(&digits) {
+            format!("{x:.*}", digits.max(0) as usize)
+        } else {
+            significant(x, if x == mean { 9 } else { 2 })
+        }
+    };
+    let text = format!("{} ± {}", value(mean), value(error));
+    let from = significant(found.from, 6);
+    if drifts {
+        format!("{text} from t = {from}, but it drifts")
+    } else if independent < FEW {
+        format!("{text} or more, from t = {from}: {independent:.0} independent values")
+    } else {
+        format!("{text} from t = {from}")
+    }
+}
+
+/// The means of a file as JSON, by name.
+fn means_as_json(means: &[NamedMean]) -> Value {
+    let one = |NamedMean { name, mean, from }: &NamedMean| {
+        let fields = json!({
+            "mean": mean.mean, "error": mean.error, "start": from, "independent": mean.independent,
+            "slope": mean.slope, "drifts": mean.drifts,
+        });
+        (name.clone(), fields)
+    };
+    Value::Object(means.iter().map(one).collect())
+}
+
 /// Prints a summary of an output file.
 pub fn info(options: &Info) -> Result<u8, Failure> {
     if options.watch {
         return watch(&options.file);
     }
     let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
+    let mut means = haff_record::means(&options.file).map_err(|error| file_failure(&error))?;
+    means.retain(|found| !NO_MEANS.contains(&&*found.name));
     let running = !info.finished && haff_record::is_being_written(&options.file);
     let progress = match (info.finished, info.resumable) {
         _ if running => "running: another process is writing the file",
@@ -89,13 +138,14 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "samples": info.samples, "event_rows": info.event_rows, "event_columns": info.event_columns, "time_range": info.time_range, "last": ledger,
             "collisions": counts.map(|[pairs, _]| pairs), "wall_collisions": counts.map(|[_, walls]| walls),
             "events": counts.map(|[pairs, walls]| pairs.saturating_add(walls)),
+            "means": means_as_json(&means),
             "checkpoint_time": info.checkpoint_time, "finished": info.finished, "running": running, "resumable": info.resumable && !running,
             "file_bytes": info.file_size, "warnings": warnings, "summary": summary, "scene": info.scene_toml,
         });
         return output::line(report).map(|()| 0);
     }
     let mut lines = vec![format!("{}: {}", output::path(&options.file), shown(&info.title))];
-    let mut line = |name: &str, text: String| lines.push(format!("{name:<18}{}", shown(text)));
+    let mut line = |name: &str, text: String| lines.push(format!("{name:<17} {}", shown(text)));
     line("written by", format!("haff {} {}, schema {}", info.version, info.git_revision, info.schema));
     line("progress", progress.to_owned());
     let names: Vec<String> = info.species.iter().map(|(name, count)| format!("{count} {name}")).collect();
@@ -151,6 +201,15 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             }
         }
         line("ledger residual", significant(last.ledger.residual, 2));
+    }
+    // Of energies only those that a drive or walls change.
+    let changes = |found: &&NamedMean| !found.name.ends_with("_energy") || found.mean.error > 0.0;
+    let listed: Vec<&NamedMean> = means.iter().filter(changes).collect();
+    if !listed.is_empty() {
+        line("means", "± standard error, of the stationary part".to_owned());
+        for found in listed {
+            line(&format!("  {:<24}", found.name.replace('_', " ")), with_error(found));
+        }
     }
     if let Some(time) = info.checkpoint_time {
         line("last checkpoint", format!("t = {}", significant(time, 9)));

@@ -54,14 +54,22 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
     Ok(row)
 }
 
-/// The mean of a series over its stationary part: its fields by name; `None` if there is none.
+/// The mean of a series over its stationary part: its fields by name; `None` if there is none. With the times of
+/// samples `start` is the time at which that begins, not an index.
 #[pyfunction]
+#[pyo3(signature = (values, times = None))]
 pub fn mean<'py>(
     py: Python<'py>,
     values: PyReadonlyArray1<'py, f64>,
+    times: Option<PyReadonlyArray1<'py, f64>>,
 ) -> PyResult<Option<Bound<'py, PyDict>>> {
     let values = values.as_array().to_vec();
-    let Some(found) = py.detach(|| Mean::of(&values)) else { return Ok(None) };
+    let times = times.map(|times| times.as_array().to_vec());
+    let found = py.detach(|| match times {
+        Some(times) => Mean::of_samples(&times, &values).map(|(mean, from)| (mean, Some(from))),
+        None => Mean::of(&values).map(|mean| (mean, None)),
+    });
+    let Some((found, from)) = found else { return Ok(None) };
     let row = PyDict::new(py);
     row.set_item("mean", found.mean)?;
     row.set_item("error", found.error)?;
@@ -69,5 +77,8 @@ pub fn mean<'py>(
     row.set_item("independent", found.independent)?;
     row.set_item("slope", found.slope)?;
     row.set_item("drifts", found.drifts)?;
+    if let Some(from) = from {
+        row.set_item("start", from)?;
+    }
     Ok(Some(row))
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Counters, Ledger, Quantity, Sample, Sizes, StressTensor, Term};
+use haff_engine::{Checkpoint, Counters, Ledger, Mean, Quantity, Sample, Sizes, StressTensor, Term};
 use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
@@ -232,6 +232,50 @@ pub fn info(path: impl AsRef<Path>) -> Result<Info, RecordError> {
         let parameters = Parameters::read(file, path)?;
         read_info(file, parameters, path)
     })
+}
+
+/// The mean of one observable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedMean {
+    /// Name of the observable.
+    pub name: String,
+    /// The mean over its stationary part.
+    pub mean: Mean,
+    /// Time from which on it is stationary [time].
+    pub from: f64,
+}
+
+/// The means of all observables of a file that are one real number and no term of the balance of energies, which
+/// are sums since the start. None without observables.
+///
+/// # Errors
+/// As [`info`].
+pub fn means(path: impl AsRef<Path>) -> Result<Vec<NamedMean>, RecordError> {
+    let path = path.as_ref();
+    file::read(path, |file| {
+        let parameters = Parameters::read(file, path)?;
+        let datasets = Datasets::open(file, parameters.particles, parameters.sizes()).doing(path, READ)?;
+        let Some(observables) = &datasets.observables else { return Ok(Vec::new()) };
+        read_means(observables).doing(path, READ)
+    })
+}
+
+fn read_means(observables: &Observables) -> hdf5::Result<Vec<NamedMean>> {
+    let rows = observables.rows()?;
+    let times = observables.clock.time.read::<f64>(0, rows)?;
+    let mut found = Vec::new();
+    for (series, quantity) in &observables.series {
+        if !matches!(quantity, Quantity::Real(_)) {
+            continue;
+        }
+        let values = series.read::<f64>(0, rows)?;
+        if let Some((mean, from)) = Mean::of_samples(&times, &values) {
+            // …/observables/NAME/value
+            let name = series.name().rsplit('/').nth(1).unwrap_or_default().to_owned();
+            found.push(NamedMean { name, mean, from });
+        }
+    }
+    Ok(found)
 }
 
 fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<Info, RecordError> {

@@ -150,38 +150,16 @@ def table(samples: dict[str, Array]) -> pd.DataFrame:
     return pd.DataFrame(samples)
 
 
-def _at_equal_intervals(time: Array, values: Array, step: float) -> Array:
-    """Means over intervals of the length ``step`` of what has these values over the intervals that end at these times.
-
-    Samples are taken at the times of frames, too. A shorter rest at the end is left out.
-    """
-    intervals = np.diff(time)
-    missing = ~np.isfinite(values[1:])
-    # Over the first interval a mean may not exist yet.
-    first = int(np.argmin(missing)) if len(missing) else 0
-    if not len(intervals) or missing[first:].any():
-        return np.empty(0)
-    count = int((time[-1] - time[first]) / step + 1e-6)
-    edges = time[first] + step * np.arange(count + 1)
-    # Relative to one value, so that the sums of constants have no rounding error.
-    level = values[1 + first]
-    integral = np.concatenate([[0.0], np.cumsum((values[1 + first :] - level) * intervals[first:])])
-    return level + np.diff(np.interp(edges, time[first:], integral)) / step
-
-
 def means(samples: dict[str, Array]) -> pd.DataFrame:
     """One row per component, with its mean over its stationary part; see :attr:`haff.File.means`."""
     import pandas as pd
 
     time, rows = samples["time"], {}
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     for name, values in samples.items():
-        if name in ("time", "step"):
-            continue
-        regular = _at_equal_intervals(time, np.asarray(values, float), step)
-        found = compiled().mean(regular) if len(regular) else None
-        if found is not None:
-            rows[name] = {**found, "start": time[-1] - (len(regular) - found["start"]) * step}
+        if name not in ("time", "step"):
+            found = compiled().mean(np.ascontiguousarray(values, float), np.ascontiguousarray(time, float))
+            if found is not None:
+                rows[name] = found
     kinds = {"mean": float, "error": float, "start": float, "independent": float, "slope": float, "drifts": bool}
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(kinds)).astype(kinds)
 

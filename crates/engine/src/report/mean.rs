@@ -69,6 +69,49 @@ impl Mean {
     }
 }
 
+impl Mean {
+    /// The mean of what has these values over the intervals that end at these times, as of samples that are taken
+    /// at other times, too; and the time at which its stationary part begins. `None` as for [`Mean::of`].
+    pub fn of_samples(times: &[f64], values: &[f64]) -> Option<(Self, f64)> {
+        let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let step = median(&intervals)?;
+        // Over the first interval a mean need not exist yet.
+        let first = values.get(1..)?.iter().position(|value| value.is_finite())?;
+        let (values, intervals) = (&values[1 + first..], &intervals[first..]);
+        if !(step > 0.0 && values.len() == intervals.len()) || !values.iter().all(|value| value.is_finite()) {
+            return None;
+        }
+        // Relative to one value: sums of constants then have no rounding error. What is left at the end is left
+        // out.
+        let level = values[0];
+        let mut regular = Vec::new();
+        let (mut sum, mut filled) = (0.0, 0.0);
+        for (value, &interval) in values.iter().zip(intervals) {
+            let mut left = interval;
+            while filled + left >= step * (1.0 - 1e-6) {
+                let part = (step - filled).min(left);
+                regular.push(level + (sum + (value - level) * part) / (filled + part));
+                left -= part;
+                (sum, filled) = (0.0, 0.0);
+                if left < step * 1e-6 {
+                    left = 0.0;
+                }
+            }
+            sum += (value - level) * left;
+            filled += left;
+        }
+        let found = Self::of(&regular)?;
+        Some((found, times[first] + step * found.start as f64))
+    }
+}
+
+/// The median of numbers; `None` of none.
+fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied()
+}
+
 /// The mean, without loss of digits by a common large part.
 fn mean(values: &[f64]) -> f64 {
     let first = values[0];
@@ -215,6 +258,39 @@ mod tests {
         assert!(Mean::of(&drifting).unwrap().drifts);
         let growing: Vec<f64> = (0..100).map(f64::from).collect();
         assert!(Mean::of(&growing).unwrap().drifts);
+    }
+
+    #[test]
+    fn samples_count_by_the_intervals_that_end_at_them() {
+        let mut random = Random(4);
+        let (mut times, mut values, mut regular) = (vec![0.0], vec![f64::NAN], Vec::new());
+        for k in 0..500 {
+            // Every third interval is cut in two by a sample of another kind.
+            let (end, value) = (0.5 * f64::from(k + 1), random.normal());
+            if k % 3 == 0 {
+                times.push(end - 0.2);
+                values.push(value + 0.2);
+                values.push(value - 0.3);
+            } else {
+                values.push(value);
+            }
+            times.push(end);
+            regular.push(value);
+        }
+        // A shorter rest at the end.
+        times.push(250.1);
+        values.push(100.0);
+        let expected = Mean::of(&regular).unwrap();
+        let (found, from) = Mean::of_samples(&times, &values).unwrap();
+        assert!(
+            (found.mean - expected.mean).abs() < 1e-12 && (found.error / expected.error - 1.0).abs() < 1e-9
+        );
+        assert_eq!((found.start, from), (0, 0.0));
+        let (constant, _) = Mean::of_samples(&times, &vec![3.1; times.len()]).unwrap();
+        assert_eq!((constant.mean, constant.error), (3.1, 0.0));
+        assert_eq!(Mean::of_samples(&[0.0], &[1.0]), None);
+        assert_eq!(Mean::of_samples(&[0.0, 1.0, 2.0], &[1.0, 1.0, f64::NAN]), None);
+        assert_eq!(Mean::of_samples(&[0.0, 0.0], &[1.0, 1.0]), None);
     }
 
     #[test]
