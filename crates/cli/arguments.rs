@@ -43,6 +43,11 @@ pub enum Command {
     Schema,
     /// Summarise an output file: scene, progress, ledger, counters.
     Info(Info),
+    /// Compare the means of two output files, or of two sweeps run by run: differences in standard errors.
+    #[command(after_help = "Examples:
+  haff compare cooling.h5 other.h5
+  haff compare sweep_of_cells sweep_of_lists --json")]
+    Compare(Compare),
     /// Measure collisions per second on standard scenes.
     Bench(Bench),
     /// Make a packing: hard spheres or disks that grow to a packing fraction, or until they jam.
@@ -80,6 +85,7 @@ impl Command {
             Self::Run(options) => options.json,
             Self::Check(options) => options.json,
             Self::Info(options) => options.json,
+            Self::Compare(options) => options.json,
             Self::Bench(options) => options.json,
             Self::Pack(options) => options.json,
             Self::Sweep(options) => options.json,
@@ -249,6 +255,17 @@ pub struct Info {
     /// Show the newest sample whenever there is one, until the run is complete.
     #[arg(short, long, conflicts_with = "json")]
     pub watch: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// Output file (HDF5), or folder of a sweep.
+    pub a: PathBuf,
+    /// Another one of the same kind.
+    pub b: PathBuf,
+    /// Print the result as one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]

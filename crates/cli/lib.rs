@@ -38,7 +38,7 @@ pub use haff_scene::{
 };
 
 use arguments::Command;
-use commands::{bench, check, info, init, manual, pack, run, sweep};
+use commands::{bench, check, compare, info, init, manual, pack, run, sweep};
 use running::python;
 use terminal::{failure::Status, log, memory, output, signals, words};
 
@@ -64,6 +64,7 @@ pub fn main_with(plugins: Plugins) -> ExitCode {
         Command::Init(options) => init::init(&options),
         Command::Schema => init::schema(),
         Command::Info(options) => info::info(&options),
+        Command::Compare(options) => compare::compare(&options),
         Command::Bench(options) => bench::bench(&options),
         Command::Plot(options) => python::run("plot", &options.arguments),
         Command::Export(options) => python::run("export", &options.arguments),

@@ -4,6 +4,7 @@ mod accuracy;
 mod bench;
 mod command_line;
 mod common;
+mod compare;
 mod compression;
 mod continued;
 mod determinism;

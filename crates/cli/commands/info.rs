@@ -51,7 +51,27 @@ const NO_MEANS: [&str; 3] = ["dissipated_energy", "carnot_energy", "ledger_resid
 /// With fewer independent values an error is a lower bound.
 const FEW: f64 = 30.0;
 
-/// A mean with its error, to two digits of the error.
+/// Whether an observable has a mean that says something.
+pub fn has_mean(name: &str) -> bool {
+    !NO_MEANS.contains(&name)
+}
+
+/// A mean and its error to two digits of the error.
+pub fn rounded(mean: f64, error: f64) -> String {
+    if error.is_nan() || error <= 0.0 {
+        return energy(mean);
+    }
+    // At least as many digits as the error has in front of the point.
+    let digits = 1 - error.log10().floor() as i32;
+    if (-4..=12).contains(&digits) {
+        let digits = digits.max(0) as usize;
+        format!("{mean:.digits$} ± {error:.digits$}")
+    } else {
+        format!("{} ± {}", significant(mean, 9), significant(error, 2))
+    }
+}
+
+/// A mean with its error, and from when it is.
 fn with_error(found: &NamedMean) -> String {
     let Mean { mean, error, independent, drifts, .. } = found.mean;
     if error.is_nan() {
@@ -60,16 +80,7 @@ fn with_error(found: &NamedMean) -> String {
     if error == 0.0 {
         return energy(mean);
     }
-    // At least as many digits as the error has in front of the point.
-    let digits = 1 - error.log10().floor() as i32;
-    let value = |x: f64| {
-        if (-4..=12).contains(&digits) {
-            format!("{x:.*}", digits.max(0) as usize)
-        } else {
-            significant(x, if x == mean { 9 } else { 2 })
-        }
-    };
-    let text = format!("{} ± {}", value(mean), value(error));
+    let text = rounded(mean, error);
     let from = significant(found.from, 6);
     if drifts {
         format!("{text} from t = {from}, but it drifts")
@@ -99,7 +110,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
     }
     let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
     let mut means = haff_record::means(&options.file).map_err(|error| file_failure(&error))?;
-    means.retain(|found| !NO_MEANS.contains(&&*found.name));
+    means.retain(|found| has_mean(&found.name));
     let running = !info.finished && haff_record::is_being_written(&options.file);
     let progress = match (info.finished, info.resumable) {
         _ if running => "running: another process is writing the file",

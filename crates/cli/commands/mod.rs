@@ -1,7 +1,8 @@
 /*!
 A file, or a folder, for each subcommand.
 
-*What is here.* [`run`], [`check`], [`init`], [`info`], [`bench`], [`pack`], [`sweep`] and [`manual`], which
+*What is here.* [`run`], [`check`], [`init`], [`info`], [`compare`],
+[`bench`], [`pack`], [`sweep`] and [`manual`], which
 writes man pages and completions. `plot`, `export` and `view` are handed to the Python package by
 `running/python.rs`.
 
@@ -16,6 +17,7 @@ their copies in `command/main.py`; `arguments.rs` has the examples of the help.
 
 pub mod bench;
 pub mod check;
+pub mod compare;
 pub mod info;
 pub mod init;
 pub mod manual;

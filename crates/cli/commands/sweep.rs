@@ -16,7 +16,7 @@ mod view;
 
 use std::{
     num::NonZero,
-    path::Path,
+    path::{Path, PathBuf},
     sync::{
         Mutex, PoisonError,
         atomic::{AtomicUsize, Ordering},
@@ -28,7 +28,8 @@ use std::{
 use lock::{Lock, Refused};
 use manifest::Manifest;
 use plan::{Member, Plan};
-use row::Row;
+use row::{Row, State};
+use serde_json::{Map, Value};
 use view::View;
 
 use crate::{
@@ -47,6 +48,16 @@ use crate::{
 const WRITE_EVERY: Duration = Duration::from_secs(1);
 /// Largest fraction of the time spent on writing it.
 const WRITE_SHARE: u32 = 20;
+
+/// The complete runs of the sweep in a folder: parameters without the seed, and files.
+pub fn complete_runs(folder: &Path) -> Result<Vec<(Map<String, Value>, PathBuf)>, Failure> {
+    let rows = manifest::rows_in(folder)?.into_iter().filter(|row| row.status == State::Complete);
+    let run = |mut row: Row| {
+        row.parameters.remove("seed");
+        (row.parameters, folder.join(row.file))
+    };
+    Ok(rows.map(run).collect())
+}
 
 /// Runs a sweep, or one member of it, or lists its members.
 pub fn sweep(options: &Sweep) -> Result<u8, Failure> {

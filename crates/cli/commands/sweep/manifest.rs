@@ -167,6 +167,18 @@ impl Manifest {
     }
 }
 
+/// The rows of the sweep in a folder.
+///
+/// # Errors
+/// If the folder has no manifest, or one that cannot be read.
+pub fn rows_in(folder: &Path) -> Result<Vec<Row>, Failure> {
+    let missing = || {
+        let text = format!("{}: no {NAME}, so it is not the folder of a sweep", output::path(folder));
+        Failure::new(Status::File, text)
+    };
+    read(&folder.join(NAME))?.map(|content| content.runs).ok_or_else(missing)
+}
+
 /// Reads a manifest; `None` if it does not exist.
 fn read(path: &Path) -> Result<Option<Content>, Failure> {
     let file = match fs::File::open(path) {

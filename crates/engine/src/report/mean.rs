@@ -17,6 +17,8 @@ const PARTS: usize = 100;
 const WORTH: f64 = 0.7;
 /// A slope of more standard errors than this is a drift.
 const DRIFT: f64 = 4.0;
+/// Relative differences up to this are rounding.
+const ROUNDING: f64 = 1e-12;
 /// Most blocks between which the slope is measured.
 const SLOPE_BLOCKS: usize = 20;
 
@@ -52,6 +54,10 @@ impl Mean {
             let (error, slope) = (f64::NAN, f64::NAN);
             let mean = mean(values);
             return Some(Self { mean, error, start: first, independent: f64::NAN, slope, drifts: false });
+        }
+        if is_constant(values) {
+            let (independent, mean) = (values.len() as f64, mean(values));
+            return Some(Self { mean, error: 0.0, start: first, independent, slope: 0.0, drifts: false });
         }
         let start = stationary_from(values);
         let late = start >= values.len() / 2;
@@ -103,6 +109,13 @@ impl Mean {
         let found = Self::of(&regular)?;
         Some((found, times[first] + step * found.start as f64))
     }
+}
+
+/// Whether the values are equal to rounding, as an energy that is conserved.
+fn is_constant(values: &[f64]) -> bool {
+    let (least, most) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+    most - least <= ROUNDING * least.abs().max(most.abs())
 }
 
 /// The median of numbers; `None` of none.
@@ -297,6 +310,8 @@ mod tests {
     fn values_without_scatter_and_short_series() {
         let found = Mean::of(&[3.0; 100]).unwrap();
         assert_eq!((found.mean, found.error, found.start, found.drifts), (3.0, 0.0, 0, false));
+        let rounded: Vec<f64> = (0..100).map(|k| 6000.0 + 1e-12 * f64::from(k * k % 7)).collect();
+        assert_eq!(Mean::of(&rounded).unwrap().error, 0.0);
         let found = Mean::of(&[f64::NAN, 1.0, 2.0]).unwrap();
         assert_eq!((found.mean, found.start), (1.5, 1));
         assert!(found.error.is_nan() && !found.drifts);
