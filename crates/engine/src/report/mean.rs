@@ -278,9 +278,9 @@ mod tests {
         let mut random = Random(4);
         let (mut times, mut values, mut regular) = (vec![0.0], vec![f64::NAN], Vec::new());
         for k in 0..500 {
-            // Every third interval is cut in two by a sample of another kind.
+            // Every fourth interval is cut in two by a sample of another kind.
             let (end, value) = (0.5 * f64::from(k + 1), random.normal());
-            if k % 3 == 0 {
+            if k % 4 == 0 {
                 times.push(end - 0.2);
                 values.push(value + 0.2);
                 values.push(value - 0.3);
