@@ -40,7 +40,7 @@ fn two_files_are_compared_in_standard_errors() {
     // The means are those of `haff info`.
     let info = json(&haff, &["info", "a.h5"]);
     assert_eq!(info["means"]["pressure"]["mean"], one["a"]["mean"]);
-    // Twice and a half as hot in the ratio of speeds to the power two: the pressure is 1.5 times as high.
+    // The pressure of a gas is proportional to its temperature.
     let hotter = json(&haff, &["compare", "a.h5", "hot.h5"]);
     assert!(z(&hotter, "pressure") > 20.0 && z(&hotter, "collision_rate") > 20.0, "{hotter}");
     let (_, text, _) = haff.run(&["compare", "a.h5", "hot.h5"]);

@@ -54,8 +54,8 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
     Ok(row)
 }
 
-/// The mean of a series over its stationary part: its fields by name; `None` if there is none. With the times of
-/// samples `start` is the time at which that begins, not an index.
+/// The mean of a series over its stationary part: its fields by name; `None` if there is none. With the times
+/// of samples `start` is the time at which that begins, not an index.
 #[pyfunction]
 #[pyo3(signature = (values, times = None))]
 pub fn mean<'py>(

@@ -245,8 +245,8 @@ pub struct NamedMean {
     pub from: f64,
 }
 
-/// The means of all observables of a file that are one real number and no term of the balance of energies, which
-/// are sums since the start. None without observables.
+/// The means of all observables of a file that are one real number and no term of the balance of energies,
+/// which are sums since the start. None without observables.
 ///
 /// # Errors
 /// As [`info`].

@@ -36,14 +36,14 @@ pub struct Mean {
     pub independent: f64,
     /// The slope of the stationary part, in its standard errors (as a normal variable).
     pub slope: f64,
-    /// Whether the series is not stationary: its slope is larger than chance, or half of it is needed to reach
-    /// the stationary part.
+    /// Whether the series is not stationary: its slope is larger than chance, or half of it is needed to
+    /// reach the stationary part.
     pub drifts: bool,
 }
 
 impl Mean {
-    /// The mean of a series of values at equal intervals. Values that are not a number are left out before the
-    /// first that is; `None` if there is no number, or another value later that is none.
+    /// The mean of a series of values at equal intervals. Values that are not a number are left out before
+    /// the first that is; `None` if there is no number, or another value later that is none.
     pub fn of(values: &[f64]) -> Option<Self> {
         let first = values.iter().position(|value| value.is_finite())?;
         let values = &values[first..];
@@ -76,8 +76,9 @@ impl Mean {
 }
 
 impl Mean {
-    /// The mean of what has these values over the intervals that end at these times, as of samples that are taken
-    /// at other times, too; and the time at which its stationary part begins. `None` as for [`Mean::of`].
+    /// The mean of what has these values over the intervals that end at these times, as of samples that are
+    /// taken at other times, too; and the time at which its stationary part begins. `None` as for
+    /// [`Mean::of`].
     pub fn of_samples(times: &[f64], values: &[f64]) -> Option<(Self, f64)> {
         let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let step = median(&intervals)?;
@@ -87,8 +88,8 @@ impl Mean {
         if !(step > 0.0 && values.len() == intervals.len()) || !values.iter().all(|value| value.is_finite()) {
             return None;
         }
-        // Relative to one value: sums of constants then have no rounding error. What is left at the end is left
-        // out.
+        // Relative to one value: sums of constants then have no rounding error. What is left at the end is
+        // left out.
         let level = values[0];
         let mut regular = Vec::new();
         let (mut sum, mut filled) = (0.0, 0.0);
@@ -170,8 +171,8 @@ impl Blocks {
     }
 }
 
-/// Index of the first value of the stationary part, at most half of the series: where the squared error of the
-/// rest, if it were not correlated, is smallest.
+/// Index of the first value of the stationary part, at most half of the series: where the squared error of
+/// the rest, if it were not correlated, is smallest.
 fn stationary_from(values: &[f64]) -> usize {
     let size = (values.len() / PARTS).max(1);
     let means = block_means(values, size);

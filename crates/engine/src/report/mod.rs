@@ -3,8 +3,8 @@ The output of a simulation as plain data: events, frames, samples, counters and 
 
 *What is here.* [`Observer`] receives events and changes of velocity; [`Frame`], [`Sample`] and
 [`Checkpoint`] are what a caller asks for. `ledger` has the terms of the balance of energies, [`observables`]
-names, units and formulas of all columns of samples, [`totals`] the numbers of a whole run, `mean` means of series with their errors. The recorder,
-reports and Python take names, units and signs from these tables.
+names, units and formulas of all columns of samples, [`totals`] the numbers of a whole run, `mean` means of
+series with their errors. The recorder, reports and Python take names, units and signs from these tables.
 
 *What to change here.* A new observable is a row of [`observables`]; a value that [`Sample`] does not have
 yet is a field of it, too, computed in `measure/sample.rs` and `linkage/src/simulation.rs` and read back in

@@ -56,7 +56,8 @@ impl FilteredPlane {
         [height, self.normal.dot(anchor.velocity) - self.speed, self.normal.dot(acceleration)]
     }
 
-    /// Whether a particle can touch it within a `duration`, from its distance and the rates of change of that.
+    /// Whether a particle can touch it within a `duration`, from its distance and the rates of change of
+    /// that.
     #[inline(always)]
     fn is_in_reach(&self, [distance, rate, pull]: [f64; 3], duration: f64, slack: f64) -> bool {
         // Not larger than the smallest distance: an acceleration away from the wall is left out. Sums of four

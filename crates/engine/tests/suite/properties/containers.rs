@@ -1,5 +1,5 @@
-//! Random scenes in containers that shrink with a box that is compressed, or grow with one that expands: every
-//! search finds the same, energies are in balance, and nothing leaves the container.
+//! Random scenes in containers that shrink with a box that is compressed, or grow with one that expands:
+//! every search finds the same, energies are in balance, and nothing leaves the container.
 
 use glam::DVec3;
 use haff_engine::{
