@@ -42,7 +42,8 @@ fn two_files_are_compared_in_standard_errors() {
     assert_eq!(info["means"]["pressure"]["mean"], one["a"]["mean"]);
     // The pressure of a gas is proportional to its temperature.
     let hotter = json(&haff, &["compare", "a.h5", "hot.h5"]);
-    assert!(z(&hotter, "pressure") > 20.0 && z(&hotter, "collision_rate") > 20.0, "{hotter}");
+    // 0.5 of the pressure and 0.22 of the rate, with errors of half a per cent and of one and a half.
+    assert!(z(&hotter, "pressure") > 20.0 && z(&hotter, "collision_rate") > 10.0, "{hotter}");
     let (_, text, _) = haff.run(&["compare", "a.h5", "hot.h5"]);
     let line = text.lines().find(|line| line.starts_with("pressure ")).unwrap();
     assert!(line.contains(" ± ") && line.ends_with(" *"), "{text}");
