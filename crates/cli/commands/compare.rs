@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     info::{has_mean, rounded},
-    sweep::complete_runs,
+    sweep::{CompleteRun, complete_runs},
 };
 use crate::{
     arguments::Compare,
@@ -31,14 +31,17 @@ struct Estimate {
     drifts: bool,
 }
 
+/// Means by the names of their observables.
+type Means = Vec<(String, Estimate)>;
+
 /// The means of all runs of one side with the same parameters.
 struct Runs {
     parameters: Map<String, Value>,
-    means: Vec<(String, Estimate)>,
+    means: Means,
 }
 
 /// The means of a file.
-fn of_file(path: &Path) -> Result<Vec<(String, Estimate)>, Failure> {
+fn of_file(path: &Path) -> Result<Means, Failure> {
     let means = haff_record::means(path).map_err(|error| file_failure(&error))?;
     if means.is_empty() {
         let text = format!("{}: no observables with a mean", output::path(path));
@@ -57,8 +60,8 @@ fn side(path: &Path) -> Result<Vec<Runs>, Failure> {
     if !path.is_dir() {
         return Ok(vec![Runs { parameters: Map::new(), means: of_file(path)? }]);
     }
-    let mut groups: Vec<(Map<String, Value>, Vec<Vec<(String, Estimate)>>)> = Vec::new();
-    for (parameters, file) in complete_runs(path)? {
+    let mut groups: Vec<(Map<String, Value>, Vec<Means>)> = Vec::new();
+    for CompleteRun { parameters, file } in complete_runs(path)? {
         let means = of_file(&file)?;
         match groups.iter_mut().find(|(known, _)| *known == parameters) {
             Some((_, runs)) => runs.push(means),
@@ -70,11 +73,10 @@ fn side(path: &Path) -> Result<Vec<Runs>, Failure> {
 }
 
 /// The means over independent runs.
-fn over_runs(runs: &[Vec<(String, Estimate)>]) -> Vec<(String, Estimate)> {
+fn over_runs(runs: &[Means]) -> Means {
     let Some(first) = runs.first() else { return Vec::new() };
     let over = |(name, _): &(String, Estimate)| {
-        let of =
-            |run: &Vec<(String, Estimate)>| run.iter().find(|(other, _)| other == name).map(|found| found.1);
+        let of = |run: &Means| run.iter().find(|(other, _)| other == name).map(|found| found.1);
         let all: Vec<Estimate> = runs.iter().map(of).collect::<Option<_>>()?;
         let count = all.len() as f64;
         let squared: f64 = all.iter().map(|one| one.error * one.error).sum();

@@ -49,12 +49,20 @@ const WRITE_EVERY: Duration = Duration::from_secs(1);
 /// Largest fraction of the time spent on writing it.
 const WRITE_SHARE: u32 = 20;
 
-/// The complete runs of the sweep in a folder: parameters without the seed, and files.
-pub fn complete_runs(folder: &Path) -> Result<Vec<(Map<String, Value>, PathBuf)>, Failure> {
+/// A complete run of a sweep.
+pub struct CompleteRun {
+    /// Its parameters without the seed.
+    pub parameters: Map<String, Value>,
+    /// Its file.
+    pub file: PathBuf,
+}
+
+/// The complete runs of the sweep in a folder.
+pub fn complete_runs(folder: &Path) -> Result<Vec<CompleteRun>, Failure> {
     let rows = manifest::rows_in(folder)?.into_iter().filter(|row| row.status == State::Complete);
     let run = |mut row: Row| {
         row.parameters.remove("seed");
-        (row.parameters, folder.join(row.file))
+        CompleteRun { parameters: row.parameters, file: folder.join(row.file) }
     };
     Ok(rows.map(run).collect())
 }

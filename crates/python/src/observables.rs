@@ -58,6 +58,8 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
 /// of samples `start` is the time at which that begins, not an index.
 #[pyfunction]
 #[pyo3(signature = (values, times = None))]
+// pyo3 gives arrays by value.
+#[allow(clippy::needless_pass_by_value)]
 pub fn mean<'py>(
     py: Python<'py>,
     values: PyReadonlyArray1<'py, f64>,

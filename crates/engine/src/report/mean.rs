@@ -85,7 +85,8 @@ impl Mean {
         // Over the first interval a mean need not exist yet.
         let first = values.get(1..)?.iter().position(|value| value.is_finite())?;
         let (values, intervals) = (&values[1 + first..], &intervals[first..]);
-        if !(step > 0.0 && values.len() == intervals.len()) || !values.iter().all(|value| value.is_finite()) {
+        let complete = values.len() == intervals.len() && values.iter().all(|value| value.is_finite());
+        if step <= 0.0 || !complete {
             return None;
         }
         // Relative to one value: sums of constants then have no rounding error. What is left at the end is

@@ -39,7 +39,7 @@ fn in_container(recipe: &Recipe) -> Option<System> {
     let mut random = Random(recipe.seed ^ 0x636f_6e74);
     let repeats = random.index(2) == 0;
     let plain = Recipe {
-        boundary: [1, 1, if repeats { 0 } else { 1 }],
+        boundary: [1, 1, usize::from(!repeats)],
         gravity: false,
         ramp: 0,
         wedge: false,
@@ -114,7 +114,7 @@ fn in_container(recipe: &Recipe) -> Option<System> {
 /// Checks that all particles are in the container.
 fn check_inside(system: &System, simulation: &Simulation) -> Result<(), TestCaseError> {
     let frame = simulation.frame();
-    let Some(Shape::Named(named)) = system.walls.last().and_then(|wall| wall.shape.clone()) else {
+    let Some(Shape::Named(named)) = system.walls.last().and_then(|wall| wall.shape) else {
         panic!("the last wall is the container")
     };
     let scale = system.domain.edges(frame.time).x / system.domain.size.x;
