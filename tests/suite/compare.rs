@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::common::{GAS, Haff};
 
-/// An elastic gas of 100 spheres with a file of observables.
+/// An elastic gas with a file of observables.
 fn gas() -> String {
     let elastic = GAS.replace("events = true\n", "").replace("restitution = 0.9", "restitution = 1.0");
     assert!(elastic.contains("restitution = 1.0"), "{elastic}");
