@@ -48,8 +48,9 @@ static ALLOCATOR: memory::ReportingAllocator = memory::ReportingAllocator;
 /// Runs the command with the arguments of the process, and with these plug-ins. Returns its exit status.
 #[must_use]
 pub fn main_with(plugins: Plugins) -> ExitCode {
-    // Now: a message about memory must not allocate.
+    // Now: a message about memory must not allocate, and not need more stack.
     words::words();
+    memory::take_stack();
     signals::handle_file_size_limit();
     if let Err(error) = plugins.install() {
         output::message(format_args!("error: plug-ins of this program: {error}"));

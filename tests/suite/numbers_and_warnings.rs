@@ -37,6 +37,26 @@ fn numbers_have_the_digits_and_words_that_a_person_writes() {
 }
 
 #[test]
+fn walls_on_which_bounces_end_in_hops_are_named() {
+    let haff = Haff::new();
+    let hops = |scene: &str, sets: &[&str]| {
+        let scene = config(scene);
+        let (status, out, err) = haff.run(&[&["check", &scene, "--json"][..], sets].concat());
+        assert_eq!(status, 0, "{err}");
+        serde_json::from_str::<Value>(&out).unwrap()["hops"].clone()
+    };
+    assert_eq!(hops("drum.toml", &[]), serde_json::json!(["drum"]));
+    for sets in [["--set", "contact.rest_speed=0.1"], ["--set", "domain.gravity=[0,0,0]"]] {
+        assert_eq!(hops("drum.toml", &sets), serde_json::json!([]), "{sets:?}");
+    }
+    // On a level floor at rest series are completed in closed form.
+    let floor = "textbook/bouncing_ball.toml";
+    assert_eq!(hops(floor, &[]), serde_json::json!([]));
+    let (_, out, _) = haff.run(&["check", &config("drum.toml")]);
+    assert!(out.contains("bounces             on drum they end in hops"), "{out}");
+}
+
+#[test]
 fn a_gas_that_will_cluster_gets_a_warning() {
     let haff = Haff::new();
     let scene = config("disks.toml");

@@ -1,6 +1,6 @@
 //! `haff check`.
 
-use haff_engine::{Boundary, Dimension, System, Wall, WallLaw, WallMotion, significant};
+use haff_engine::{Boundary, Dimension, hopping_walls, significant};
 use haff_record::FileSize;
 use haff_scene::{Scene, Schedule, UntilOf};
 use serde_json::{Value, json};
@@ -68,23 +68,6 @@ fn deformation(scene: &Scene) -> Option<(String, Value)> {
     Some((text, json!({ "time": until, "edges": edges, "packing_fraction": fraction })))
 }
 
-/// Names of the walls on which series of bounces end in hops: those that are no half-space, or move, under
-/// gravity.
-fn hops(system: &System) -> Vec<&str> {
-    if system.domain.gravity == glam::DVec3::ZERO || system.contacts.rest_speed > 0.0 {
-        return Vec::new();
-    }
-    let walls = system.walls.len();
-    let ends = |(wall, shape): (usize, &Wall)| {
-        let hops =
-            shape.shape.is_some() || !matches!(shape.motion, WallMotion::Fixed | WallMotion::Oscillating(_));
-        let laws = system.contacts.wall.iter().skip(wall).step_by(walls);
-        hops && laws.into_iter().any(|law| matches!(law, WallLaw::Restitution(law) if !law.is_elastic()))
-    };
-    let found = system.walls.iter().enumerate().filter(|&wall| ends(wall));
-    found.map(|(_, wall)| &*wall.name).collect()
-}
-
 /// The searches that can run a scene, one line each, and why the others cannot; none for linkages.
 fn searches(scene: &Scene) -> Vec<String> {
     if !scene.joints.is_empty() {
@@ -147,7 +130,7 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
             "packing_fraction": scene.packing_fraction, "temperature": temperature,
             "collision_rate": rate, "collision_rate_unknown": scene.rate_unknown, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
-            "hops": hops(system), "deformation": deformation.map(|(_, report)| report),
+            "hops": hopping_walls(system), "deformation": deformation.map(|(_, report)| report),
             "warnings": warnings,
         });
         return output::line(report).map(|()| 0);
@@ -170,7 +153,7 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
         format!("packing fraction    {}", significant(scene.packing_fraction, 6))
     });
     text.extend(deformation.map(|(line, _)| format!("deformation         {line}")));
-    let hops = hops(system);
+    let hops = hopping_walls(system);
     if !hops.is_empty() {
         text.push(format!(
             "bounces             on {} they end in hops of 5e-7 radii, in which grains slide and roll;\n\

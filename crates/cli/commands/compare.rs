@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use haff_engine::significant;
+use haff_engine::{Mean, significant};
 use serde_json::{Map, Value, json};
 
 use super::{
-    info::{has_mean, rounded},
+    info::rounded,
     sweep::{CompleteRun, complete_runs},
 };
 use crate::{
@@ -14,12 +14,11 @@ use crate::{
     terminal::{
         failure::{Failure, Status, file_failure},
         numbers::counted,
-        output,
+        output::{self, shown},
+        table,
     },
 };
 
-/// Relative differences up to this are rounding.
-const ROUNDING: f64 = 1e-12;
 /// A z-score beyond this is marked.
 const FAR: f64 = 3.0;
 
@@ -47,12 +46,11 @@ fn of_file(path: &Path) -> Result<Means, Failure> {
         let text = format!("{}: no observables with a mean", output::path(path));
         return Err(Failure::new(Status::File, text));
     }
-    let known = means.into_iter().filter(|found| has_mean(&found.name));
     let estimate = |found: haff_record::NamedMean| {
-        let haff_engine::Mean { mean, error, drifts, .. } = found.mean;
+        let Mean { mean, error, drifts, .. } = found.mean;
         (found.name, Estimate { mean, error, drifts })
     };
-    Ok(known.map(estimate).collect())
+    Ok(means.into_iter().map(estimate).collect())
 }
 
 /// One side: a file, or the complete runs of a sweep, those that differ in their seeds together.
@@ -98,7 +96,7 @@ impl Line {
     fn difference(&self) -> [f64; 2] {
         let [a, b] = self.sides;
         let difference = b.mean - a.mean;
-        let rounded = difference.abs() <= ROUNDING * a.mean.abs().max(b.mean.abs());
+        let rounded = difference.abs() <= Mean::ROUNDING * a.mean.abs().max(b.mean.abs());
         [if rounded { 0.0 } else { difference }, a.error.hypot(b.error)]
     }
 
@@ -143,17 +141,6 @@ fn common(a: &Runs, b: &Runs) -> Vec<Line> {
     a.means.iter().filter_map(line).collect()
 }
 
-/// Rows of cells as aligned text.
-fn table(rows: &[[String; 5]]) -> String {
-    let width = |k: usize| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0);
-    let widths = [0, 1, 2, 3, 4].map(width);
-    let line = |row: &[String; 5]| {
-        let cells = row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}"));
-        cells.collect::<Vec<_>>().join("   ").trim_end().to_owned()
-    };
-    rows.iter().map(line).collect::<Vec<_>>().join("\n")
-}
-
 /// Prints the means of two files or sweeps side by side.
 pub fn compare(options: &Compare) -> Result<u8, Failure> {
     let paths = [&options.a, &options.b];
@@ -189,11 +176,11 @@ pub fn compare(options: &Compare) -> Result<u8, Failure> {
     }
     let mut text = vec![format!("A  {}\nB  {}", output::path(&options.a), output::path(&options.b))];
     for (parameters, lines) in &pairs {
-        let values = parameters.iter().map(|(key, value)| format!("{key} = {value}"));
+        let values = parameters.iter().map(|(key, value)| shown(format_args!("{key} = {value}")));
         let label = values.collect::<Vec<_>>().join(", ");
         let mut rows = vec![[label, "A".into(), "B".into(), "B − A".into(), "z".into()]];
         rows.extend(lines.iter().map(Line::cells));
-        text.push(table(&rows));
+        text.push(table::aligned(&rows).trim_end().to_owned());
     }
     let far = |line: &Line| line.z().is_some_and(|z| z.abs() > FAR);
     if pairs.iter().any(|(_, lines)| lines.iter().any(far)) {

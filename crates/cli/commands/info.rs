@@ -46,16 +46,6 @@ fn energy(value: f64) -> String {
     significant(value, 9)
 }
 
-/// Observables that are sums since the start, or errors.
-const NO_MEANS: [&str; 3] = ["dissipated_energy", "carnot_energy", "ledger_residual"];
-/// With fewer independent values an error is a lower bound.
-const FEW: f64 = 30.0;
-
-/// Whether an observable has a mean that says something.
-pub fn has_mean(name: &str) -> bool {
-    !NO_MEANS.contains(&name)
-}
-
 /// A mean and its error to two digits of the error.
 pub fn rounded(mean: f64, error: f64) -> String {
     if error.is_nan() || error <= 0.0 {
@@ -84,7 +74,7 @@ fn with_error(found: &NamedMean) -> String {
     let from = significant(found.from, 6);
     if drifts {
         format!("{text} from t = {from}, but it drifts")
-    } else if independent < FEW {
+    } else if independent < Mean::FEW {
         format!("{text} or more, from t = {from}: {independent:.0} independent values")
     } else {
         format!("{text} from t = {from}")
@@ -109,8 +99,7 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         return watch(&options.file);
     }
     let info = haff_record::info(&options.file).map_err(|error| file_failure(&error))?;
-    let mut means = haff_record::means(&options.file).map_err(|error| file_failure(&error))?;
-    means.retain(|found| has_mean(&found.name));
+    let means = haff_record::means(&options.file).map_err(|error| file_failure(&error))?;
     let running = !info.finished && haff_record::is_being_written(&options.file);
     let progress = match (info.finished, info.resumable) {
         _ if running => "running: another process is writing the file",

@@ -23,6 +23,7 @@ pub mod overwrite;
 pub mod progress;
 pub mod screen;
 pub mod signals;
+pub mod table;
 pub mod threads;
 pub mod watch;
 pub mod words;

@@ -45,6 +45,7 @@ mod examples;
 #[cfg(test)]
 extern crate self as haff_engine; // tests/suite/common builds its systems with the public interface
 
+pub use laws::hop::hopping_walls;
 pub use model::bounds::allowed_overlap;
 pub use model::{
     Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Cuboid,

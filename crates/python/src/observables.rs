@@ -75,12 +75,12 @@ pub fn mean<'py>(
     let row = PyDict::new(py);
     row.set_item("mean", found.mean)?;
     row.set_item("error", found.error)?;
-    row.set_item("start", found.start)?;
+    match from {
+        Some(from) => row.set_item("start", from)?,
+        None => row.set_item("start", found.start)?,
+    }
     row.set_item("independent", found.independent)?;
     row.set_item("slope", found.slope)?;
     row.set_item("drifts", found.drifts)?;
-    if let Some(from) = from {
-        row.set_item("start", from)?;
-    }
     Ok(Some(row))
 }

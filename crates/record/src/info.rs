@@ -245,8 +245,11 @@ pub struct NamedMean {
     pub from: f64,
 }
 
-/// The means of all observables of a file that are one real number and no term of the balance of energies,
-/// which are sums since the start. None without observables.
+/// Observables that are sums since the start, or an error, beside the terms of the balance.
+const NO_MEANS: [&str; 3] = ["dissipated_energy", "carnot_energy", "ledger_residual"];
+
+/// The means of all observables of a file that are one real number, and neither sums since the start nor an
+/// error. None without observables.
 ///
 /// # Errors
 /// As [`info`].
@@ -265,14 +268,15 @@ fn read_means(observables: &Observables) -> hdf5::Result<Vec<NamedMean>> {
     let times = observables.clock.time.read::<f64>(0, rows)?;
     let mut found = Vec::new();
     for (series, quantity) in &observables.series {
-        if !matches!(quantity, Quantity::Real(_)) {
+        // …/observables/NAME/value
+        let path = series.name();
+        let name = path.rsplit('/').nth(1).unwrap_or_default();
+        if !matches!(quantity, Quantity::Real(_)) || NO_MEANS.contains(&name) {
             continue;
         }
         let values = series.read::<f64>(0, rows)?;
         if let Some((mean, from)) = Mean::of_samples(&times, &values) {
-            // …/observables/NAME/value
-            let name = series.name().rsplit('/').nth(1).unwrap_or_default().to_owned();
-            found.push(NamedMean { name, mean, from });
+            found.push(NamedMean { name: name.to_owned(), mean, from });
         }
     }
     Ok(found)

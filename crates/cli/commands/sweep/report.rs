@@ -8,7 +8,10 @@ use super::{
     manifest::NAME,
     row::{Row, State},
 };
-use crate::terminal::output::{self, shown};
+use crate::terminal::{
+    output::{self, shown},
+    table,
+};
 
 /// Totals of a summary that are sums over its runs.
 const SUMS: [&str; 4] = ["collisions", "wall_collisions", "events", "wall_seconds"];
@@ -58,18 +61,7 @@ pub fn table(rows: &[&Row]) -> String {
         line.extend([seed, row.status.word().to_owned(), row.file.clone()]);
         cells.push(line.iter().map(shown).collect());
     }
-    let columns = cells.first().map_or(0, Vec::len);
-    let widths: Vec<usize> = (0..columns)
-        .map(|column| cells.iter().map(|line| line[column].chars().count()).max().unwrap_or(0))
-        .collect();
-    let mut text = String::new();
-    for line in &cells {
-        let padded: Vec<String> =
-            line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
-        text.push_str(padded.join("  ").trim_end());
-        text.push('\n');
-    }
-    text
+    table::aligned(&cells)
 }
 
 /// A run on one line, or on more if its error has more.

@@ -9,7 +9,13 @@ radius R of the grain, bounces are therefore elastic: the grain hops along the s
 high, keeps its energy, follows a curved surface, and leaves it where it no longer presses.
 */
 
-use crate::{model::wall_motion::WallMotion, motion::carried, state::world::World};
+use glam::DVec3;
+
+use crate::{
+    model::{System, Wall, WallLaw, WallMotion},
+    motion::carried,
+    state::world::World,
+};
 
 /// h, see above.
 const HOP: f64 = 1e-3;
@@ -27,19 +33,41 @@ pub(crate) fn separation_speed(e: f64, speed: f64, acceleration: f64, radius: f6
     if e * speed >= hop { e * speed } else { speed.clamp(LEAST * hop, hop) }
 }
 
+/// Whether series of bounces on a wall never have a closed form, whatever else the grain touches.
+fn always_hops(wall: &Wall) -> bool {
+    wall.shape.is_some()
+        || match wall.motion {
+            WallMotion::Fixed | WallMotion::Oscillating(_) => false,
+            WallMotion::Constant(_)
+            | WallMotion::Rotating(_)
+            | WallMotion::Piston(_)
+            | WallMotion::Shrinking(_) => true,
+        }
+}
+
+/// Names of the walls of a system on which series of bounces end in hops: none without gravity, or if
+/// `rest_speed` puts grains to rest.
+pub fn hopping_walls(system: &System) -> Vec<&str> {
+    if system.domain.gravity == DVec3::ZERO || system.contacts.rest_speed > 0.0 {
+        return Vec::new();
+    }
+    let walls = system.walls.len();
+    let has_series =
+        |wall: usize| system.contacts.wall.iter().skip(wall).step_by(walls).any(WallLaw::has_series);
+    let hops =
+        system.walls.iter().enumerate().filter(|&(wall, plane)| always_hops(plane) && has_series(wall));
+    hops.map(|(_, plane)| &*plane.name).collect()
+}
+
 /// The acceleration that presses particle i against a wall at `ticks` [length/time²], if a series of bounces
 /// on it cannot be completed in closed form.
 pub(crate) fn acceleration_to_wall(world: &World, i: u32, wall: u32, ticks: i64) -> Option<f64> {
     let plane = &world.boundary.walls[wall as usize];
-    let completes = match plane.motion {
-        _ if plane.shape.is_some() => false,
-        WallMotion::Fixed => world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall)),
-        WallMotion::Constant(_)
-        | WallMotion::Rotating(_)
-        | WallMotion::Piston(_)
-        | WallMotion::Shrinking(_) => false,
-        WallMotion::Oscillating(_) => carried::can_start(world, i, wall),
-    };
+    let completes = !always_hops(plane)
+        && match plane.motion {
+            WallMotion::Oscillating(_) => carried::can_start(world, i, wall),
+            _ => world.carrier(i).is_none_or(|carrier| world.are_perpendicular(carrier, wall)),
+        };
     if completes {
         return None;
     }

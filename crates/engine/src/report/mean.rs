@@ -17,8 +17,6 @@ const PARTS: usize = 100;
 const WORTH: f64 = 0.7;
 /// A slope of more standard errors than this is a drift.
 const DRIFT: f64 = 4.0;
-/// Relative differences up to this are rounding.
-const ROUNDING: f64 = 1e-12;
 /// Most blocks between which the slope is measured.
 const SLOPE_BLOCKS: usize = 20;
 
@@ -32,7 +30,7 @@ pub struct Mean {
     /// Index of the first value of the stationary part.
     pub start: usize,
     /// Number of independent values that would have the same error: that of values, divided by the
-    /// statistical inefficiency. With fewer than some 30 the error is a lower bound.
+    /// statistical inefficiency. With fewer than [`Self::FEW`] the error is a lower bound.
     pub independent: f64,
     /// The slope of the stationary part, in its standard errors (as a normal variable).
     pub slope: f64,
@@ -42,6 +40,11 @@ pub struct Mean {
 }
 
 impl Mean {
+    /// Relative differences up to this are rounding.
+    pub const ROUNDING: f64 = 1e-12;
+    /// With fewer independent values an error is a lower bound.
+    pub const FEW: f64 = 30.0;
+
     /// The mean of a series of values at equal intervals. Values that are not a number are left out before
     /// the first that is; `None` if there is no number, or another value later that is none.
     pub fn of(values: &[f64]) -> Option<Self> {
@@ -117,7 +120,7 @@ impl Mean {
 fn is_constant(values: &[f64]) -> bool {
     let (least, most) =
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
-    most - least <= ROUNDING * least.abs().max(most.abs())
+    most - least <= Mean::ROUNDING * least.abs().max(most.abs())
 }
 
 /// The median of numbers; `None` of none.

@@ -126,9 +126,12 @@ fn check_inside(system: &System, simulation: &Simulation) -> Result<(), TestCase
     Ok(())
 }
 
-/// Checks one scene. Returns the number of impacts on walls; `None` without a container, and if its events
-/// have no end.
-fn check(recipe: &Recipe) -> Result<Option<u64>, TestCaseError> {
+/// Searches beside all pairs.
+const SEARCHES: [NeighborChoice; 3] = [NeighborChoice::Cells, NeighborChoice::Windows, NeighborChoice::Lists];
+
+/// Checks one scene. Returns the number of impacts on walls, and which searches have run it; `None` without a
+/// container, and if its events have no end.
+fn check(recipe: &Recipe) -> Result<Option<(u64, [bool; 3])>, TestCaseError> {
     let Some(system) = in_container(recipe) else { return Ok(None) };
     let plain =
         Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable, ..Options::default() };
@@ -139,28 +142,32 @@ fn check(recipe: &Recipe) -> Result<Option<u64>, TestCaseError> {
         prop_assert!(ledger.residual.abs() < 1e-9, "ledger {:e}", ledger.residual);
         check_inside(&system, &simulation)?;
     }
-    for neighbors in [NeighborChoice::Cells, NeighborChoice::Windows, NeighborChoice::Lists] {
+    let mut has_run = [false; 3];
+    for (neighbors, has_run) in SEARCHES.into_iter().zip(&mut has_run) {
         let options = Options { neighbors, ..plain };
         if Simulation::new(system.clone(), options).is_err() {
             continue; // This search cannot run it.
         }
         let found = outcome(&system, options).map(|(texts, _)| texts);
         prop_assert_eq!(Some(&texts), found.as_ref(), "{:?}", neighbors);
+        *has_run = true;
     }
-    Ok(Some(simulation.counters().wall_collisions))
+    Ok(Some((simulation.counters().wall_collisions, has_run)))
 }
 
 #[test]
 fn random_containers_that_shrink_are_in_balance_and_independent_of_search() {
-    let counts = std::cell::Cell::new([0, 0]);
+    let counts = std::cell::Cell::new((0, 0, [0; 3]));
     check_each(4, 5, |recipe| {
-        let [scenes, impacts] = counts.get();
-        if let Some(more) = check(recipe)? {
-            counts.set([scenes + 1, impacts + more]);
+        let (scenes, impacts, mut runs) = counts.get();
+        if let Some((more, has_run)) = check(recipe)? {
+            runs.iter_mut().zip(has_run).for_each(|(runs, run)| *runs += u64::from(run));
+            counts.set((scenes + 1, impacts + more, runs));
         }
         Ok(())
     });
-    let [scenes, impacts] = counts.get();
-    println!("{scenes} scenes in containers, {impacts} impacts on walls");
+    let (scenes, impacts, runs) = counts.get();
+    println!("{scenes} scenes in containers, {impacts} impacts on walls, {runs:?} runs of {SEARCHES:?}");
     assert!(scenes > 100 && impacts > 20 * scenes, "{scenes} {impacts}");
+    assert!(runs.iter().all(|&runs| runs > 10), "{runs:?} runs of {SEARCHES:?}");
 }
