@@ -53,6 +53,7 @@ const STACK: usize = 1 << 20;
 /// Takes the stack that the main thread may need. It grows page by page, and where the address space is
 /// limited and full by then, that is a segmentation fault, not a failed allocation.
 #[inline(never)]
+#[expect(clippy::large_stack_arrays, reason = "it is there to be large")]
 pub fn take_stack() {
     std::hint::black_box(&mut [0_u8; STACK]);
 }
