@@ -64,6 +64,9 @@ _SHORT = {"until": 2.0}
 _TABLE = {"speeds": [0.0, 1.0], "values": [1.0, 0.7]}
 _VISCOELASTIC = {"model": "viscoelastic", "coefficient": 0.05}
 _CUTOFF = {"model": "cutoff", "restitution": 0.8, "speed": 0.5, "exponent": 0.75}
+_UNIFORM = {"model": "random", "uniform": [0.7, 0.9]}
+_NORMAL = {"model": "random", "normal": [0.8, 0.05]}
+_DRAWN = {"model": "random", "values": [0.7, 0.8, 0.9]}
 _OUTPUT = {"frames": 0.5, "observables": 0.25, "events": True}
 
 
@@ -111,6 +114,26 @@ SCENES: dict[str, dict[str, Any]] = {
     "table": _gas(_TABLE, output={**_OUTPUT, "compression": "none"}),
     "viscoelastic": _gas(_VISCOELASTIC, output={**_OUTPUT, "compression": "deflate"}),
     "cutoff": _gas(_CUTOFF, engine={"neighbors": "auto", "simd": "auto", "blocks": 1}),
+    "uniform restitution": _gas(_UNIFORM),
+    "normal restitution": _gas(_NORMAL),
+    "drawn restitution": _gas(_DRAWN),
+    "added speed": {
+        "domain": {**_BOX, "boundary": ["periodic", "wall", "wall"]},
+        "species": [_GRAIN, {**_GRAIN, "name": "other", "count": 20}],
+        "contact": {
+            "restitution": 0.8,
+            "added_speed": 0.05,
+            "tangential_restitution": 0.5,
+            "pair": [{"between": ["grain", "other"], "added_speed": 0.0}],
+        },
+        "wall": [
+            {"name": "y-", "added_speed": 0.1},
+            {"name": "z-", "temperature": 1.0, "accommodation": 0.5, "restitution": 0.9, "added_speed": 0.02},
+        ],
+        "drive": [{"kind": "andersen", "temperature": 1.0, "rate": 0.1, "rotational": True}],
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
     "list of radii": _sizes({"list": [0.3, 0.4, 0.5]}),
     "uniform radii": _sizes({"uniform": [0.3, 0.5]}),
     "normal radii": _sizes({"normal": [0.4, 0.05], "min": 0.2, "max": 0.6}),

@@ -68,6 +68,16 @@ def test_heated_gas_balances_its_heating_by_hand():
     assert theory.heated_temperature(0.1, 1.0, 0.01, 1.0) == math.inf
 
 
+def test_contacts_that_add_speed_balance_what_they_take():
+    for e, delta, m in ((0.3, 0.2, 1.0), (0.9, 0.05, 3.0)):
+        T = float(theory.added_speed_temperature(delta, e, m))
+        # Rayleigh's distribution of the approach speeds of contacts.
+        v = np.random.default_rng(5).rayleigh(math.sqrt(2 * T / m), 10**6)
+        change = 0.25 * m * ((e * v + 2 * delta) ** 2 - v**2)
+        assert abs(change.mean()) < 4 * change.std() / 1e3
+    assert theory.added_speed_temperature(0.1, 1.0) == math.inf
+
+
 def test_sonine_coefficient_vanishes_at_one_over_root_two():
     assert abs(theory.sonine_a2(math.sqrt(0.5), 2)) < 1e-16
 

@@ -10,6 +10,7 @@ mod continued;
 mod determinism;
 mod growing_sweeps;
 mod numbers_and_warnings;
+mod simultaneous;
 mod sweep;
 mod textbook_impacts;
 mod textbook_linkages;

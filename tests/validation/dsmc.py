@@ -47,6 +47,15 @@ HEATED = {
 """Of rough spheres heated by white noise, by (e, β), with ``--replicas 8``: T_tr in units of that of
 :func:`maxwellian_heated`, and T_rot/T_tr, each followed by its standard error."""
 
+ADDED = {
+    (3, 0.7): (9.60536, 0.00181, -0.05314, 0.00013),
+    (3, 0.85): (36.50154, 0.00784, -0.03274, 0.00013),
+    (3, 0.95): (319.71247, 0.07822, -0.01237, 0.00027),
+}
+"""T/(m Δ²) and a₂ of :func:`added_speed`, each followed by its standard error, by dimension and e."""
+HEATED_SPINS: dict[tuple[float, float], tuple[float, float, float, float]] = {}
+"""As HEATED with ``rotational=True``."""
+
 CASES = ((0.9, -0.9), (0.9, 0.0), (0.8, 0.5), (0.7, -0.5), (0.95, 0.9))
 """Normal and tangential restitution of the table."""
 SHEARED = (0.7, 0.9)
@@ -125,12 +134,13 @@ class Shear:
 
 @dataclass(frozen=True)
 class Law:
-    """Walton's law of impact of equal spheres or disks; smooth if q is None."""
+    """Walton's law of impact of equal spheres or disks; smooth if q is None. Contacts add 2 `added` to their speed."""
 
     e: float
     beta: float = -1.0
     q: float | None = None
     friction: float | None = None
+    added: float = 0.0
 
     def rates(self, dimension: int) -> tuple[float, float, float, float]:
         """A, B, B', C of the Maxwellian approximation without friction, by Huthmann and Zippelius (1997).
@@ -283,7 +293,7 @@ class Gas:
             n[1] += sine * ahead[0]
         # From 1 to 2, g·n > 0. μ_r = 1/2; particle 1 gets −P, 2 gets +P.
         g_n = _dot(g, n)
-        P_n = 0.5 * (1 + self.law.e) * g_n
+        P_n = 0.5 * (1 + self.law.e) * g_n + self.law.added
         impulse = P_n * n
         q, friction = self.law.q, self.law.friction
         if self.u is not None and q is not None:
@@ -383,6 +393,7 @@ def rough_heated(
     strength: float = 1.0,
     density: float = 0.01,
     chi: float = 1.0,
+    rotational: bool = False,
     particles: int = 20_000,
     replicas: int = 16,
     settle: float | None = None,
@@ -393,7 +404,7 @@ def rough_heated(
     """T_tr and T_rot/T_tr of the gas of :func:`rough_cooling`, its velocities heated by white noise.
 
     Each component of a velocity gets N(0, strength · dt), the mean over all particles taken out, in steps of `step`
-    collisions per particle. `density` is nσ³ (nσ² of disks), `chi` Enskog's contact value, 1 in the dilute limit.
+    collisions per particle; with `rotational` each component of u gets N(0, strength · dt/q). `density` is nσ³ (nσ² of disks), `chi` Enskog's contact value, 1 in the dilute limit.
     Transient and samples as in :func:`rough_cooling`. By dimension, T_tr ∝ (strength/(density chi))^(2/3).
     """
     law = Law(e, beta, _inertia(q, dimension), friction)
@@ -413,6 +424,9 @@ def rough_heated(
             kick -= kick.mean(axis=1, keepdims=True)
             kick *= math.sqrt(strength * dt)
             gas.v[:dimension] += kick
+            if rotational and gas.u is not None and law.q is not None:
+                axes = gas.u[gas.spin_axes]
+                axes += math.sqrt(strength * dt / law.q) * rng.standard_normal(axes.shape)
 
         samples: list[tuple[float, float, float]] = []
         dt = step / collision_rate(T, density, chi, dimension)
@@ -433,6 +447,45 @@ def rough_heated(
         settle=settle,
         drift=_drift([run[:, 0] for run in runs]),
     )
+
+
+def maxwellian_added_speed(e: float) -> float:
+    """T/(m Δ²) of :func:`added_speed` if velocities were those of Maxwell.
+
+    A contact takes (1 − e²)v²/4 − e v Δ − Δ² in units of m, with ⟨v⟩ = √(πT/m) and ⟨v²⟩ = 4T/m over contacts.
+    """
+    b = math.sqrt(math.pi) * e
+    return ((b + math.sqrt(b * b + 4 * (1 - e * e))) / (2 * (1 - e * e))) ** 2
+
+
+def added_speed(
+    e: float,
+    *,
+    particles: int = 20_000,
+    replicas: int = 16,
+    settle: float = 60.0,
+    collisions: float = 150.0,
+    dimension: int = 3,
+    seed: int = 1,
+) -> tuple[Estimate, Estimate]:
+    """T/(m Δ²) and a₂ of the steady state of a smooth gas whose contacts add 2Δ to their speed, Δ = 1.
+
+    The density sets the scale of time alone. Samples once per collision of a particle, after `settle` of them.
+    """
+    runs: list[Array] = []
+    for rng in _generators(seed, replicas):
+        gas = Gas(rng, Law(e, added=1.0), dimension, particles, maxwellian_added_speed(e))
+        samples: list[tuple[float, float]] = []
+        done = 0.0
+        while done < settle + collisions:
+            span = 0.5 / collision_rate(gas.temperature(), 1.0, 1.0, dimension)
+            done += 2 * gas.collide(span) / particles
+            gas.center()
+            if done > settle:
+                samples.append((gas.temperature(), gas.fourth()))
+        gas.check()
+        runs.append(np.array(samples))
+    return _estimate([run[:, 0].mean() for run in runs]), _estimate([run[:, 1].mean() for run in runs])
 
 
 def uniform_shear(

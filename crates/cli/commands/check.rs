@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::{
     arguments::Check,
-    running::{estimate, schedule::Times, states::States, warnings::warnings},
+    running::{estimate, schedule::Times, states::States, ties::first_tie, warnings::warnings},
     terminal::{
         failure::{Failure, scene_failure},
         numbers::counted,
@@ -124,13 +124,15 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     let memory = estimate::memory(all) + estimate::correlations(&system.measure, all);
     let warnings = warnings(&scene);
     let deformation = deformation(&scene);
+    let tie = first_tie(&scene);
     if options.json {
         let report = json!({
             "title": scene.title, "particles": particles, "particles_to_come": all - particles, "dimension": axes,
             "packing_fraction": scene.packing_fraction, "temperature": temperature,
             "collision_rate": rate, "collision_rate_unknown": scene.rate_unknown, "mean_free_time": rate.map(|rate| particles as f64 / (2.0 * rate)),
             "memory_bytes": memory, "file_bytes": size, "file": scene.output.file,
-            "hops": hopping_walls(system), "deformation": deformation.map(|(_, report)| report),
+            "hops": hopping_walls(system),
+            "simultaneous": tie.map(|tie| json!({ "time": tie.time, "particle": tie.body })), "deformation": deformation.map(|(_, report)| report),
             "warnings": warnings,
         });
         return output::line(report).map(|()| 0);
@@ -159,6 +161,14 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
             "bounces             on {} they end in hops of 5e-7 radii, in which grains slide and roll;\n\
              \x20                   contact.rest_speed puts them to rest",
             hops.join(", ")
+        ));
+    }
+    if let Some(tie) = tie {
+        text.push(format!(
+            "simultaneous        particle {} has two contacts at t = {}; which of them is first decides what\n\
+             \x20                   follows, see docs/simultaneous.md",
+            tie.body,
+            significant(tie.time, 6)
         ));
     }
     text.push(format!("temperature         {}", significant(temperature, 6)));

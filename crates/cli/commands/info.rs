@@ -138,6 +138,8 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
             "samples": info.samples, "event_rows": info.event_rows, "event_columns": info.event_columns, "time_range": info.time_range, "last": ledger,
             "collisions": counts.map(|[pairs, _]| pairs), "wall_collisions": counts.map(|[_, walls]| walls),
             "events": counts.map(|[pairs, walls]| pairs.saturating_add(walls)),
+            // As of the last checkpoint.
+            "simultaneous_contacts": info.counters.map(|counters| counters.simultaneous),
             "means": means_as_json(&means),
             "checkpoint_time": info.checkpoint_time, "finished": info.finished, "running": running, "resumable": info.resumable && !running,
             "file_bytes": info.file_size, "warnings": warnings, "summary": summary, "scene": info.scene_toml,
@@ -175,6 +177,9 @@ pub fn info(options: &Info) -> Result<u8, Failure> {
         let events = pairs.saturating_add(walls);
         let both = [counted(pairs, "collision"), counted(walls, "wall collision")];
         line("events", format!("{events}: {}", both.join(", ")));
+    }
+    if let Some(ties) = info.counters.map(|counters| counters.simultaneous).filter(|&ties| ties > 0) {
+        line("simultaneous", format!("{} of one body at one instant", counted(ties, "contact")));
     }
     if let Some(last) = last {
         let has_spin = !last.species_rotational_temperature.is_empty();

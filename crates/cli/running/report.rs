@@ -160,6 +160,12 @@ pub fn print_summary(outcome: &Outcome, context: &Context) {
         };
         output::message(format_args!("{} parts took {all}{unknown}", parts.len()));
     }
+    if counters.simultaneous > 0 {
+        output::message(format_args!(
+            "{} at the instant of another event of the same body: their order is by rank (docs/simultaneous.md)",
+            counted(counters.simultaneous, "contact")
+        ));
+    }
     let served = blocks(outcome);
     let text = served["text"].as_str().unwrap_or_default();
     output::message(format_args!("threads: {}; {text}", rayon::current_num_threads()));

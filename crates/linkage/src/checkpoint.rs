@@ -37,6 +37,7 @@ impl Simulation {
         scalars.put("collisions", accumulators.counters.collisions);
         scalars.put("fixed_collisions", accumulators.counters.fixed_collisions);
         scalars.put("wall_collisions", accumulators.counters.wall_collisions);
+        scalars.put("simultaneous", accumulators.counters.simultaneous);
         scalars.put("rests", accumulators.counters.rests);
         scalars.put("predictions", accumulators.counters.predictions);
         scalars.sum("dissipated", &accumulators.dissipated);
@@ -272,6 +273,8 @@ fn read_accumulators(scalars: &mut ScalarReader, world: &mut World) {
     accumulators.counters.collisions = scalars.take("collisions");
     accumulators.counters.fixed_collisions = scalars.take("fixed_collisions");
     accumulators.counters.wall_collisions = scalars.take("wall_collisions");
+    // Files of earlier versions lack it.
+    accumulators.counters.simultaneous = scalars.take_if_present("simultaneous").unwrap_or(0);
     accumulators.counters.rests = scalars.take("rests");
     accumulators.counters.predictions = scalars.take("predictions");
     accumulators.dissipated = scalars.sum("dissipated");

@@ -61,6 +61,8 @@ impl World {
                 Key::Taut(p) => self.string_taut(p, &mut cluster, observer),
                 Key::Monitored(..) | Key::Renew(_) | Key::Settle(_) => break,
             }
+            let is_contact = matches!(key, Key::Pair(..) | Key::Wall(..));
+            self.accumulators.counters.simultaneous += u64::from(impacts > 0 && is_contact);
             impacts += 1;
             self.slacken(&mut cluster);
             if impacts >= most {

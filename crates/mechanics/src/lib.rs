@@ -8,7 +8,10 @@ simulator is based.
 | module | computes |
 |---|---|
 | [`restitution`] | the coefficient of restitution at an approach speed |
-| [`law`] | laws of contact that another crate adds |
+| [`law`] | the seam for laws in files of their own, or of another crate |
+| [`added_speed`] | contacts that add to the speed of separation |
+| [`scatter`] | coefficients that are drawn anew in each contact |
+| [`random`] | random numbers as hashes |
 | [`mod@impact`] | the impulse of an impact, the velocities after it, and the energy loss |
 | [`contact`] | the contact time of two spheres in straight relative flight |
 | [`curved`] | their contact time under a relative acceleration (a fixed sphere in gravity) |
@@ -36,6 +39,7 @@ either order.
 
 #![forbid(unsafe_code)]
 
+pub mod added_speed;
 pub mod bounces;
 pub mod bounded;
 pub mod contact;
@@ -47,10 +51,12 @@ pub mod named;
 pub mod oscillation;
 pub mod partition;
 pub mod plane;
+pub mod random;
 pub mod restitution;
 mod roots;
 pub mod rough;
 mod scale;
+pub mod scatter;
 pub mod surface;
 
 pub use bounces::Bounces;
@@ -69,6 +75,7 @@ pub use partition::{Hole, Partition};
 pub use plane::{time_to_face, time_to_plane};
 pub use restitution::{Restitution, RestitutionError, RestitutionTable};
 pub use rough::{RoughBody, Roughness, RoughnessError, TangentialImpact, slip_velocity, tangential_impact};
+pub use scatter::Scatter;
 pub use surface::{NamedSurface, RelativeFlight, Shape, Surface, Swing};
 
 /// The README's examples are tests.

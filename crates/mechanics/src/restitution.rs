@@ -28,7 +28,8 @@ pub enum Restitution {
     },
     /// Measured values.
     Table(&'static RestitutionTable),
-    /// A law of another crate, whose coefficient may be above 1.
+    /// A law in a file of its own ([`added_speed`](crate::added_speed), [`scatter`](crate::scatter)) or of
+    /// another crate; its coefficient may be above 1.
     Law(&'static NamedLaw),
 }
 
@@ -117,7 +118,7 @@ impl Restitution {
     /// The coefficient of restitution `e` ∈ [0, 1] at the approach speed `v_n` [length/time], (2.11), (2.12).
     ///
     /// A negative approach speed counts as zero. A law of another crate is that of bodies with a reduced mass
-    /// and a reduced radius of 1; [`Self::coefficient_of`] is for others.
+    /// and a reduced radius of 1, and a random one has its median draw; [`Self::coefficient_in`] is for others.
     ///
     /// ```
     /// use haff_mechanics::Restitution;
@@ -130,14 +131,20 @@ impl Restitution {
     #[inline]
     #[must_use]
     pub fn coefficient(&self, approach_speed: f64) -> f64 {
-        self.coefficient_of(approach_speed, || [1.0; 2])
+        self.coefficient_of(approach_speed, || NormalContact { approach_speed, ..NormalContact::default() })
     }
 
-    /// The coefficient of restitution at an approach speed [length/time], of two bodies whose `reduced` mass
-    /// \[mass\] and radius \[length\] are computed if the law is of another crate.
+    /// The coefficient of restitution in a contact.
+    #[must_use]
+    pub fn coefficient_in(&self, contact: &NormalContact) -> f64 {
+        self.coefficient_of(contact.approach_speed, || *contact)
+    }
+
+    /// The coefficient of restitution at an approach speed [length/time]; the rest of the `contact` is computed
+    /// if the law needs it.
     #[inline(always)]
     #[must_use]
-    pub fn coefficient_of(&self, approach_speed: f64, reduced: impl FnOnce() -> [f64; 2]) -> f64 {
+    pub fn coefficient_of(&self, approach_speed: f64, contact: impl FnOnce() -> NormalContact) -> f64 {
         match *self {
             Self::Constant(e) => e,
             Self::Viscoelastic { coefficient } => viscoelastic(coefficient, approach_speed.max(0.0)),
@@ -149,10 +156,7 @@ impl Restitution {
                 }
             }
             Self::Table(table) => table.coefficient(approach_speed),
-            Self::Law(law) => {
-                let [reduced_mass, reduced_radius] = reduced();
-                law.coefficient(&NormalContact { approach_speed, reduced_mass, reduced_radius })
-            }
+            Self::Law(law) => law.coefficient(&contact()),
         }
     }
 
@@ -165,6 +169,15 @@ impl Restitution {
             Self::Cutoff { restitution, .. } => restitution == 1.0,
             Self::Table(table) => table.values.iter().all(|&e| e == 1.0),
             Self::Law(_) => false,
+        }
+    }
+
+    /// Whether contacts lose energy in general, and never gain it.
+    #[must_use]
+    pub fn loses_energy(&self) -> bool {
+        match *self {
+            Self::Law(law) => law.get().loses_energy(),
+            _ => !self.is_elastic(),
         }
     }
 

@@ -39,6 +39,7 @@ pub fn counters(py: Python<'_>, counters: Counters) -> PyResult<Bound<'_, PyDict
         ("collisions", counters.collisions),
         ("fixed_collisions", counters.fixed_collisions),
         ("wall_collisions", counters.wall_collisions),
+        ("simultaneous", counters.simultaneous),
         ("rests", counters.rests),
         ("wakes", counters.wakes),
         ("predictions", counters.predictions),

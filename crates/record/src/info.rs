@@ -377,6 +377,7 @@ fn counters(state: &Checkpoint) -> Counters {
         collisions: count("collisions"),
         fixed_collisions: count("fixed_collisions"),
         wall_collisions: count("wall_collisions"),
+        simultaneous: count("simultaneous"),
         rests: count("rests"),
         wakes: count("wakes"),
         predictions: count("predictions"),

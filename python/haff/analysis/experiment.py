@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileError, MissingDataError, NotApplicableError
-from ..files.scene import mean_point, shape_of, shaped_walls
+from ..files.scene import law_of, mean_point, shape_of, shaped_walls
 from ..files.scene import roughness as roughness_of
 from ..text import quoted
 from . import conditions
@@ -124,19 +124,16 @@ def vector(given: Sequence[float]) -> Array:
 
 def restitution(run: Recording, first: str, second: str) -> float | dict[str, object] | str:
     """The scene's law for two particles by their names: a number, a model, or ``"sticks"``."""
-    general = run.scene.get("contact", {}).get("restitution", 1.0)
-    for pair in _rule(run, first, second):
-        return "sticks" if pair.get("sticks") else pair.get("restitution", general)
-    return general
+    rule = _rule(run, first, second)
+    return "sticks" if any(pair.get("sticks") for pair in rule) else law_of(run.scene, *rule)
 
 
 def wall_restitution(run: Recording, name: str, wall: int) -> float | dict[str, object] | str:
     """The scene's law for a particle by its name on a wall by its row."""
-    contact, (called, of) = run.scene.get("contact", {}), _wall(run, wall)
-    own = of.get("restitution", contact.get("wall_restitution", contact.get("restitution", 1.0)))
-    for pair in _rule(run, name, called):
-        return "sticks" if pair.get("sticks") else pair.get("restitution", own)
-    return "sticks" if of.get("sticks") else own
+    called, of = _wall(run, wall)
+    rule = _rule(run, name, called)
+    sticks = any(pair.get("sticks") for pair in rule) or (of.get("sticks") and not rule)
+    return "sticks" if sticks else law_of(run.scene, *rule, of, wall=True)
 
 
 def roughness(run: Recording, first: str, second: str) -> tuple[float, float]:

@@ -148,6 +148,7 @@ _KINDS = {
     "msd": "mean square displacement with its slope, and the running coefficient of self-diffusion",
     "stress": "pressure tensor, and the running shear viscosity",
     "shear": "sheared runs: temperature, viscosity, normal stresses and velocities against theory",
+    "means": "observables against time, with their means and standard errors",
     "probes": "columns of the probes of a program that adds some, against time",
     "snapshot": "picture of a frame",
     "losses": "histogram of the energy lost per event",

@@ -32,7 +32,7 @@ Measure = Callable[[File], Any]
 # Totals that are text; all others are numbers.
 _TEXTS = ("status", "stopped", "state_hash", "file", "error")
 # Names that no dimension can have, beside those of variables: arguments of xarray's sel, and other coordinates.
-_TAKEN = ("run_seed", "seed", "time", "indexers", "method", "tolerance", "drop")
+_TAKEN = ("run_seed", "seed", "time", "observable", "indexers", "method", "tolerance", "drop")
 
 
 def open_study(
@@ -133,6 +133,7 @@ class Table:
         rows = [{**row, "file": str(self.folder / row["file"])} for row in rows]
         study = _dataset(rows, varied, seeds, self.folder, self.series)
         study = study.assign_coords({key: _coordinate(key, [value])[0] for key, value in fixed.items()})
+        _add_means(study, rows)
         if self.measure is not None:
             _add_measured(study, rows, self.measure)
         if self.dims == "keys":
@@ -166,6 +167,21 @@ def _add_measured(study: xarray.Dataset, rows: Sequence[Mapping[str, Any]], meas
             warnings.simplefilter("ignore", RuntimeWarning)
             study[f"{name}_mean"] = study[name].mean("seed")
             study[f"{name}_error"] = study[name].std("seed", ddof=1) / study[name].count("seed") ** 0.5
+
+
+def _add_means(study: xarray.Dataset, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Adds the means of the observables of complete runs, as :func:`haff.sweep` describes them."""
+    names = sorted({name for row in rows for name in row.get("means", ())})
+    dimensions = (*study["status"].dims, "observable")
+    shape = (*study["status"].shape, len(names))
+    none: dict[str, Any] = {}
+    found = [[row.get("means", none).get(name, none) for name in names] for row in rows]
+    for key in ("mean", "error", "start"):
+        numbers = [[np.nan if one.get(key) is None else one[key] for one in row] for row in found]
+        study[f"observable_{key}"] = (dimensions, np.array(numbers, dtype=float).reshape(shape))
+    drifts = [[bool(one.get("drifts", False)) for one in row] for row in found]
+    study["observable_drifts"] = (dimensions, np.array(drifts, dtype=bool).reshape(shape))
+    study.coords["observable"] = names
 
 
 def _numbers_of(value: Any, name: str, path: str) -> dict[str, float]:

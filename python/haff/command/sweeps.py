@@ -94,8 +94,10 @@ def sweep(
     -------
     xarray.Dataset
         A dimension for each key, and ``seed``, the number of the run from 0. Variables are the totals of
-        :attr:`Result.report`, ``status``, ``error``, ``file`` (an absolute path) and ``run_seed``. :func:`open_study`
-        opens the same again.
+        :attr:`Result.report`, ``status``, ``error``, ``file`` (an absolute path) and ``run_seed``. Along a further
+        dimension ``observable`` there are the means of each run over its stationary part, as :attr:`haff.File.means`
+        has them: ``observable_mean``, ``observable_error`` (standard error), ``observable_start`` (the time from which
+        on the run is stationary) and ``observable_drifts``. :func:`open_study` opens the same again.
 
     Raises
     ------
@@ -113,6 +115,7 @@ def sweep(
     >>> values = {"contact.restitution": [0.8, 0.9]}
     >>> study = haff.sweep(gas, values, seeds=4, output="study")                                # doctest: +SKIP
     >>> study.dissipated_energy.sel(restitution=0.8).mean("seed")                               # doctest: +SKIP
+    >>> study.observable_mean.sel(observable="temperature")                                     # doctest: +SKIP
     >>> def temperature(run):                                                                   # doctest: +SKIP
     ...     return run.samples["temperature"][-1]
     >>> study = haff.sweep(gas, values, seeds=4, output="study", measure=temperature)           # doctest: +SKIP

@@ -68,6 +68,7 @@ KINDS: dict[str, Kind] = {
     "shear": Kind(
         _from("shear"), "sheared runs: temperature, viscosity, normal stresses and velocities against theory"
     ),
+    "means": Kind(_from("means"), "observables against time, with their means and standard errors"),
     "probes": Kind(_from("probes"), "columns of the probes of a program that adds some, against time"),
     "snapshot": Kind(_from("snapshot"), "picture of a frame"),
     "losses": Kind(_from("losses"), "histogram of the energy lost per event"),

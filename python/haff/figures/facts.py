@@ -8,7 +8,7 @@ import numpy as np
 
 from ..analysis.phases import phase_note
 from ..files.header import packing_fraction
-from ..files.scene import law_name, roughness
+from ..files.scene import law_name, law_of, roughness
 from .style import label
 
 if TYPE_CHECKING:
@@ -41,10 +41,9 @@ def _restitutions(file: Recording) -> list[str]:
     def name(law: object) -> str:
         return label(law_name(law))
 
-    contact, walls = file.scene.get("contact", {}), file.scene.get("wall", [])
-    between = contact.get("restitution", 1.0)
-    general = contact.get("wall_restitution", between)
-    at_walls = {name(wall.get("restitution", general)) for wall in walls}
+    scene, walls = file.scene, file.scene.get("wall", [])
+    between, general = law_of(scene), law_of(scene, wall=True)
+    at_walls = {name(law_of(scene, wall, wall=True)) for wall in walls}
     if "wall" in file.box.boundary:
         at_walls.add(name(general))
     found = [f"e = {name(between)}"] if len(file) > 1 else []

@@ -23,6 +23,7 @@ __all__ = [
     "constant",
     "is_rough",
     "law_name",
+    "law_of",
     "mean_displacement",
     "mean_point",
     "pair_laws",
@@ -109,10 +110,26 @@ def constant(law: Any) -> float | None:
 
 
 def law_name(law: Any) -> str:
-    """A law of restitution in a few words: its coefficient, its model, or that it is a table."""
+    """A law of restitution in a few words: its coefficient, its model, or that it is a table, and what is added."""
     if (e := constant(law)) is not None:
         return f"{e:g}"
+    if "added_speed" in law:
+        return f"{law_name(law['restitution'])} and Δ = {law['added_speed']:g}"
     return str(law["model"]) if "model" in law else "table of speeds"
+
+
+def law_of(scene: dict[str, Any], *entries: dict[str, Any], wall: bool = False) -> Any:
+    """The law of restitution of a contact: that of the first table of ``entries`` (a pair, a wall) that has it, or
+    ``contact``'s; of a ``wall``, its ``wall_restitution``.
+
+    Where contacts add a speed Δ it is ``{"restitution": law, "added_speed": Δ}``.
+    """
+    contact = scene.get("contact", {})
+    general = contact.get("restitution", 1.0)
+    default = contact.get("wall_restitution", general) if wall else general
+    law = next((table["restitution"] for table in entries if "restitution" in table), default)
+    added = float(next((table["added_speed"] for table in [*entries, contact] if "added_speed" in table), 0.0))
+    return {"restitution": law, "added_speed": added} if added else law
 
 
 def pair_laws(scene: dict[str, Any]) -> list[Any]:
@@ -120,10 +137,8 @@ def pair_laws(scene: dict[str, Any]) -> list[Any]:
 
     Pairs of a particle and a wall are among them.
     """
-    contact = scene.get("contact", {})
-    general = contact.get("restitution", 1.0)
-    own = ("sticks" if pair.get("sticks") else pair.get("restitution", general) for pair in contact.get("pair", ()))
-    return [general, *own]
+    pairs = scene.get("contact", {}).get("pair", ())
+    return [law_of(scene), *("sticks" if pair.get("sticks") else law_of(scene, pair) for pair in pairs)]
 
 
 def roughness(scene: dict[str, Any], *entries: dict[str, Any]) -> tuple[float, float]:
@@ -211,7 +226,7 @@ def _check_numbers(node: Any, path: list[Any]) -> None:
     if isinstance(node, dict):
         for key, value in node.items():
             _check_numbers(value, [*path, key])
-        if "speeds" in node or "values" in node:
+        if "speeds" in node or ("values" in node and "model" not in node):
             _check_table(node, path)
     elif isinstance(node, list):
         for k, value in enumerate(node):

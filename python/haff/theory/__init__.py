@@ -83,7 +83,7 @@ from .equilibrium import (
     periodic_contact_value,
     virial_disks,
 )
-from .heated import heated_temperature, sonine_a2_heated
+from .heated import added_speed_temperature, heated_temperature, sonine_a2_heated
 from .mixtures import (
     MixtureRates,
     granular_temperatures,
@@ -128,6 +128,7 @@ __all__ = [
     "granular_temperatures",
     "haff_temperature",
     "haff_time",
+    "added_speed_temperature",
     "heated_temperature",
     "henderson",
     "kolafa_labik_malijevsky",

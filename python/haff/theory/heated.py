@@ -1,4 +1,4 @@
-"""The steady state of a gas heated by white noise."""
+"""The steady states of a gas that is heated: by white noise, or in its contacts."""
 
 from __future__ import annotations
 
@@ -51,3 +51,25 @@ def heated_temperature(
     rate = collision_frequency(n, sigma, 1.0, m, g0, d)
     with np.errstate(divide="ignore"):
         return (d * m * strength / ((1 - e**2) * rate * (1 + 3 * a2 / 16))) ** (2 / 3)
+
+
+@numeric
+def added_speed_temperature(delta: ArrayLike, e: ArrayLike, m: ArrayLike = 1.0) -> Array:
+    r"""Temperature of the steady state of a gas whose contacts add :math:`2\Delta` to their speed [energy].
+
+    .. math:: T = m\Delta^2 \left(\frac{\sqrt\pi\,e + \sqrt{\pi e^2 + 4(1 - e^2)}}{2(1 - e^2)}\right)^2
+
+    (Brito, Risso, Soto 2013): with velocities of Maxwell, contacts gain
+    :math:`m(\Delta^2 + e\Delta\langle v_n\rangle)` and lose :math:`m(1 - e^2)\langle v_n^2\rangle/4` on average. The
+    same in two and three dimensions, and at all densities. docs/validation.md has how near it is to the Boltzmann
+    equation.
+
+    Parameters
+    ----------
+    delta
+        :math:`\Delta` [length/time], ``contact.added_speed``. Infinite temperature at e = 1.
+    """
+    delta, e, m = np.asarray(delta, float), np.asarray(e, float), np.asarray(m, float)
+    with np.errstate(divide="ignore"):
+        speed = (np.sqrt(np.pi) * e + np.sqrt(np.pi * e**2 + 4 * (1 - e**2))) / (2 * (1 - e**2))
+        return m * (delta * speed) ** 2

@@ -1,6 +1,6 @@
 //! One run of a sweep: started, resumed, or found complete.
 
-use std::{fs, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 
 use haff_record::RecordError;
 use serde_json::Value;
@@ -67,7 +67,7 @@ pub fn run(
         Ok(exit) => row.exit = Some(exit),
         Err(failure) => fail(&mut row, &failure),
     }
-    note_size(&mut row, folder);
+    note_results(&mut row, folder);
     (row, Some(finished.report))
 }
 
@@ -111,7 +111,7 @@ pub fn update_from_file(folder: &Path, row: &mut Row) {
                 (false, true) => State::Running,
                 (false, false) => State::Unfinished,
             };
-            note_size(row, folder);
+            note_results(row, folder);
         }
         Err(RecordError::NotFound { .. }) => {
             // A run that failed before it had a file stays failed.
@@ -140,8 +140,16 @@ fn fail(row: &mut Row, failure: &Failure) {
     row.error = Some(failure.message.clone());
 }
 
-fn note_size(row: &mut Row, folder: &Path) {
-    row.file_bytes = if row.status == State::Complete { size(folder, row) } else { None };
+/// Notes the size of the file of a complete run, and the means of its observables.
+fn note_results(row: &mut Row, folder: &Path) {
+    if row.status != State::Complete {
+        (row.file_bytes, row.means) = (None, BTreeMap::new());
+        return;
+    }
+    row.file_bytes = size(folder, row);
+    // A file that cannot be read is found by what reads it next.
+    let means = haff_record::means(folder.join(&row.file)).unwrap_or_default();
+    row.means = means.iter().map(|found| (found.name.clone(), found.into())).collect();
 }
 
 fn size(folder: &Path, row: &Row) -> Option<u64> {

@@ -1,5 +1,8 @@
 //! A run of a sweep, as the manifest has it.
 
+use std::collections::BTreeMap;
+
+use haff_record::NamedMean;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -45,6 +48,26 @@ fn json(value: &toml::Value) -> Value {
     }
 }
 
+/// The mean of an observable over the stationary part of a run. Null where there are too few samples for an error.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RowMean {
+    pub mean: Option<f64>,
+    /// Standard error.
+    pub error: Option<f64>,
+    /// Time from which on the run is stationary [time].
+    pub start: f64,
+    /// Whether it drifts even then.
+    pub drifts: bool,
+}
+
+impl From<&NamedMean> for RowMean {
+    fn from(found: &NamedMean) -> Self {
+        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+        let (mean, error) = (finite(found.mean.mean), finite(found.mean.error));
+        Self { mean, error, start: found.from, drifts: found.mean.drifts }
+    }
+}
+
 /// A run of the sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -64,6 +87,9 @@ pub struct Row {
     /// Size of the complete file.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub file_bytes: Option<u64>,
+    /// Means of the observables of a complete run, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", default)]
+    pub means: BTreeMap<String, RowMean>,
     /// Exit status, as `haff run` would give it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub exit: Option<u8>,
@@ -87,6 +113,7 @@ impl Row {
             file: member.file.clone(),
             status: State::Missing,
             file_bytes: None,
+            means: BTreeMap::new(),
             exit: None,
             error: None,
             totals: Map::new(),

@@ -9,12 +9,13 @@
 
 use glam::DVec3;
 use haff_mechanics::Impact;
+use haff_mechanics::random::mix;
 
 use crate::{
     laws::pair_law::PairContact,
     model::{bounds::allowed_overlap, features::Features},
     motion::flow_work,
-    numerics::{error::EngineError, random::mix},
+    numerics::error::EngineError,
     report::ledger::Term,
     state::{accumulators::Accumulators, world::World},
 };

@@ -3,7 +3,7 @@
 //! To add a law, implement [`PairLaw`] in a file of its own and add an arm to [`resolve`].
 
 use glam::DVec3;
-use haff_mechanics::{Impact, Restitution, resolve_contact};
+use haff_mechanics::{Impact, NormalContact, Restitution, random::mix, reduced_mass, resolve_contact};
 
 use crate::{
     laws::{hop, resting},
@@ -43,12 +43,14 @@ impl PairContact {
     #[inline(always)]
     pub fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
         let [a, b] = self.classes;
-        let reduced = move || {
-            let mass = haff_mechanics::reduced_mass(a.inverse_mass.recip(), b.inverse_mass.recip());
-            [mass, a.radius * b.radius / (a.radius + b.radius)]
+        let (approach_speed, inverse, [i, j]) = (self.approach_speed(), self.inverse_masses(), self.bodies);
+        let contact = move || NormalContact {
+            approach_speed,
+            reduced_mass: reduced_mass(a.inverse_mass.recip(), b.inverse_mass.recip()),
+            reduced_radius: a.radius * b.radius / (a.radius + b.radius),
+            random: random_bits(world, &[i, j]),
         };
-        let (speed, inverse) = (self.approach_speed(), self.inverse_masses());
-        coefficient::<F>(world, law, speed, self.time, self.bodies, inverse, reduced)
+        coefficient::<F>(world, law, approach_speed, self.time, self.bodies, inverse, contact)
     }
 }
 
@@ -120,7 +122,7 @@ impl PairLaw for Settling {
 }
 
 /// The coefficient of restitution of a contact at `time`; 1 within the contact duration of the TC model.
-/// `reduced` are the reduced mass and radius, for laws of other crates.
+/// `contact` is the rest of it, for laws that need it.
 #[inline(always)]
 pub(crate) fn coefficient<F: Features>(
     world: &World,
@@ -129,7 +131,7 @@ pub(crate) fn coefficient<F: Features>(
     time: i64,
     bodies: [u32; 2],
     inverse_masses: [f64; 2],
-    reduced: impl FnOnce() -> [f64; 2],
+    contact: impl FnOnce() -> NormalContact,
 ) -> f64 {
     if F::ELASTIC {
         return 1.0;
@@ -138,7 +140,15 @@ pub(crate) fn coefficient<F: Features>(
     if world.laws.tc > 0.0 && is_within_contact_duration(world, time, bodies, inverse_masses) {
         return 1.0;
     }
-    law.coefficient_of(speed, reduced)
+    law.coefficient_of(speed, contact)
+}
+
+/// The random bits of a contact: a hash of the seed, the bodies and the numbers of their events.
+pub(crate) fn random_bits(world: &World, bodies: &[u32]) -> u64 {
+    // Another start than that of the draws of thermal walls and kicks.
+    bodies.iter().fold(mix(world.seed ^ 0x6861_6666_2072_6573), |bits, &i| {
+        mix(mix(bits ^ u64::from(world.id(i))) ^ u64::from(world.particles[i as usize].count))
+    })
 }
 
 /// Whether one of two bodies had a contact within the contact duration of the TC model before `time`.

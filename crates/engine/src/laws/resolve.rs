@@ -121,6 +121,8 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         flights::end(state, j, time);
     }
     let world = &mut state.world;
+    let is_tie = |i: u32| world.particles[i as usize].has_had_event_at(time);
+    let ties = u64::from(is_tie(i) || is_tie(j));
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
     if a.inverse_mass != 0.0 {
@@ -144,6 +146,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
 
     let accumulators = &mut state.accumulators;
     accumulators.counters.collisions += 1;
+    accumulators.counters.simultaneous += ties;
     // In a box that is compressed the volume at the impact counts.
     let virial = impact.impulse * distance;
     let virial = if F::DEFORMS { virial * state.world.pressure_weight(time) } else { virial };

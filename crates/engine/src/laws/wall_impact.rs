@@ -1,14 +1,17 @@
 //! Impacts of particles on walls.
 
 use glam::DVec3;
-use haff_mechanics::{Impact, Restitution, resolve_contact, work_of_moving_body};
+use haff_mechanics::random::Draw;
+use haff_mechanics::{
+    Impact, NormalContact, Restitution, reduced_mass, resolve_contact, work_of_moving_body,
+};
 
 use crate::{
     laws::{
         carried,
         contact::{add_impact, check_velocity},
         hop,
-        pair_law::{coefficient, impact_with_separation},
+        pair_law::{coefficient, impact_with_separation, random_bits},
         resting,
         rough::{self, RoughWall},
         series::{come_to_rest, end_of_bounces_early, keep_support, keep_supporting_walls},
@@ -17,7 +20,7 @@ use crate::{
     },
     model::{features::Features, wall_law::WallLaw, wall_motion::WallMotion},
     motion::flights,
-    numerics::{error::EngineError, random::Draw},
+    numerics::error::EngineError,
     report::{EventKind, Exchange, Observer, Partner, VelocityChange, ledger::Term, row},
     state::{State, world::World},
 };
@@ -146,8 +149,13 @@ fn bounce<F: Features>(
     let of_wall = if F::PISTONS { world.inverse_wall_mass(wall) } else { 0.0 };
     let inverse_masses = [class.inverse_mass, of_wall];
     let (mass, radius) = (class.mass, class.radius);
-    let reduced = move || [haff_mechanics::reduced_mass(mass, of_wall.recip()), radius];
-    let e = coefficient::<F>(world, law, speed, time, [i, i], [class.inverse_mass; 2], reduced);
+    let details = move || NormalContact {
+        approach_speed: speed,
+        reduced_mass: reduced_mass(mass, of_wall.recip()),
+        reduced_radius: radius,
+        random: random_bits(world, &[i]),
+    };
+    let e = coefficient::<F>(world, law, speed, time, [i, i], [class.inverse_mass; 2], details);
     let mut repeated = false;
     // Resolved as for two spheres, without assuming |n| = 1: the length of a tilted normal has a rounding
     // error, which is the same at every impact.
@@ -187,6 +195,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
     flights::end(state, i, time);
+    let ties = u64::from(state.world.particles[i as usize].has_had_event_at(time));
     state.world.particles[i as usize].set_anchor(position, velocity, time);
     state.world.note_contact(i, time);
     let now = state.world.clock.shown(time);
@@ -197,6 +206,7 @@ pub(crate) fn reflect<const EVENTS: bool>(
     }
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
+    accumulators.counters.simultaneous += ties;
     accumulators.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
     if wall_velocity != DVec3::ZERO {
         accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
@@ -240,6 +250,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     // A fixed or driven body that a piston strikes: nothing changes its flight.
     let is_struck = F::PISTONS && class.inverse_mass == 0.0;
+    let ties = u64::from(world.particles[i as usize].has_had_event_at(time));
     if !is_struck {
         world.particles[i as usize].set_anchor(position, after, time);
     }
@@ -253,6 +264,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let now = world.clock.shown(time);
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
+    accumulators.counters.simultaneous += ties;
     add_impact::<F>(accumulators, now, 0.0, &impact);
     if !is_struck {
         accumulators.add_impulse(n * -impact.impulse);

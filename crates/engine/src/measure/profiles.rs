@@ -13,13 +13,13 @@
 //! floor then have a mean velocity. A state at a random time has every phase with the same probability.
 
 use glam::DVec3;
+use haff_mechanics::random::Draw;
 
 use crate::{
     model::{Grid, System, measure::GridAxis},
     numerics::{
         error::EngineError,
         instant::Instant,
-        random::Draw,
         sum::Sum,
         tensor::{Tensor, product},
         words::{Words, fault, put_sums},

@@ -9,7 +9,7 @@
 use glam::DVec3;
 use haff_mechanics::Restitution;
 
-use crate::numerics::random::Draw;
+use haff_mechanics::random::Draw;
 
 /// The law of a thermal wall.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -36,12 +36,10 @@ impl WallLaw {
 
     /// Whether bounces under gravity may form an infinite series, which is then completed in closed form.
     pub(crate) fn has_series(&self) -> bool {
-        // The speeds of bounces by a law of another crate need not fall.
-        let falls = |law: &Restitution| !law.is_elastic() && !matches!(law, Restitution::Law(_));
         match self {
-            Self::Restitution(law) => falls(law),
+            Self::Restitution(law) => law.loses_energy(),
             // A thermal reflection would end the series.
-            Self::Thermal(wall) => wall.accommodation == 0.0 && falls(&wall.restitution),
+            Self::Thermal(wall) => wall.accommodation == 0.0 && wall.restitution.loses_energy(),
             Self::Passes => false,
         }
     }

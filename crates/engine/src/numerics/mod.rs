@@ -1,9 +1,9 @@
 /*!
-Numbers: time as integers, sums, random numbers, limits that were measured, and errors.
+Numbers: time as integers, sums, limits that were measured, and errors.
 
 *What is here.* [`clock`] and [`instant`] hold time as an integer number of ticks, [`exact_sum`] sums whose
 value does not depend on the order of their terms, [`sum`] compensated ones, [`total`] sums over particles by
-several threads, [`random`] numbers that are a hash of the seed, the particle and its event count,
+several threads,
 [`scalars`] and [`words`] what checkpoints store of all of them, [`tuning`] the numbers of particles and the
 densities at which another search is faster, [`error`] what can go wrong in a run.
 
@@ -21,7 +21,6 @@ pub(crate) mod error;
 pub(crate) mod exact_sum;
 pub(crate) mod instant;
 pub(crate) mod number;
-pub(crate) mod random;
 pub(crate) mod scalars;
 pub(crate) mod sum;
 pub(crate) mod tensor;

@@ -18,10 +18,11 @@ pub enum Total {
 }
 
 /// Totals beside the terms of the balance, in the order of reports.
-const ROWS: [(&str, Total); 12] = [
+const ROWS: [(&str, Total); 13] = [
     ("collisions", Total::Count(|counters| counters.collisions)),
     ("wall_collisions", Total::Count(|counters| counters.wall_collisions)),
     ("events", Total::Count(|counters| counters.collisions + counters.wall_collisions)),
+    ("simultaneous_contacts", Total::Count(|counters| counters.simultaneous)),
     ("rests", Total::Count(|counters| counters.rests)),
     ("wakes", Total::Count(|counters| counters.wakes)),
     ("kinetic_energy", Total::Energy(|ledger| ledger.kinetic)),

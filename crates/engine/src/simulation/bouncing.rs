@@ -53,7 +53,7 @@ pub fn endless_bounces_warning(system: &System) -> Option<String> {
     // From the speed of a fall by a diameter.
     let speed = (4.0 * g * radius).sqrt();
     let is_known = |law: &Restitution| !matches!(law, Restitution::Law(_));
-    let endless = walls.filter(is_known).any(|law| !law.is_elastic() && law.bounces(speed).is_none());
+    let endless = walls.filter(is_known).any(|law| law.loses_energy() && law.bounces(speed).is_none());
     (endless && system.contacts.rest_speed == 0.0).then(|| {
         format!(
             "the restitution on the floor becomes elastic at low speed so fast that bounces under gravity do not \

@@ -118,6 +118,7 @@ impl Simulation {
             ("collisions", counters.collisions),
             ("fixed_collisions", counters.fixed_collisions),
             ("wall_collisions", counters.wall_collisions),
+            ("simultaneous", counters.simultaneous),
             ("rests", counters.rests),
             ("predictions", counters.predictions),
             ("dropped", counters.dropped),
@@ -313,6 +314,8 @@ impl Simulation {
         counters.collisions = scalars.take("collisions");
         counters.fixed_collisions = scalars.take("fixed_collisions");
         counters.wall_collisions = scalars.take("wall_collisions");
+        // Files of earlier versions lack it.
+        counters.simultaneous = scalars.take_if_present("simultaneous").unwrap_or(0);
         counters.rests = scalars.take("rests");
         counters.dropped = scalars.take("dropped");
         counters.stale = scalars.take("stale");

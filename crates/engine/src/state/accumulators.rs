@@ -112,6 +112,7 @@ impl Accumulators {
         self.counters.collisions += counters.collisions;
         self.counters.fixed_collisions += counters.fixed_collisions;
         self.counters.wall_collisions += counters.wall_collisions;
+        self.counters.simultaneous += counters.simultaneous;
         self.counters.rests += counters.rests;
         self.counters.dropped += counters.dropped;
         self.counters.stale += counters.stale;

@@ -36,7 +36,7 @@ fn busy() -> System {
     scatter_within_room(&mut system, grain, 40, 1.0, &mut Random(4));
     set_restitution(&mut system, 0.8);
     let noise = DriveKind::WhiteNoise { strength: 0.1, kicks: KickTimes::Poisson { rate: 1.0 } };
-    system.drives.push(Drive { kind: noise, species: vec![0] });
+    system.drives.push(Drive { kind: noise, species: vec![0], rotational: false });
     system.measure.stress = true;
     system.measure.wall_forces = true;
     system
@@ -288,7 +288,7 @@ fn a_removed_particle_no_longer_sets_the_search_and_the_tick() {
         scatter_within_room(&mut system, odd, 1, 1.0, &mut Random(7));
         // A thermostat gives a light particle a speed that the tick has to suit.
         let kind = DriveKind::Andersen { temperature: 1.0, rate: 0.1 };
-        system.drives.push(Drive { kind, species: vec![0] });
+        system.drives.push(Drive { kind, species: vec![0], rotational: false });
         let mut simulation = start(&system);
         let remove = Change { remove: vec![400], ..Change::default() };
         simulation.change(&remove, &mut Silent).unwrap();

@@ -62,7 +62,7 @@ fn trajectory_under_compression_is_independent_of_search_slices_and_resumption()
     set_restitution(&mut scene, 0.8);
     compress(&mut scene, DVec3::new(0.05, -0.02, 0.0));
     let kind = haff_engine::DriveKind::Rescale { temperature: 1.0, interval: 0.3 };
-    scene.drives = vec![haff_engine::Drive { kind, species: vec![0] }];
+    scene.drives = vec![haff_engine::Drive { kind, species: vec![0], rotational: false }];
     check_independence(&scene, &[0.5, 3.0]);
 }
 

@@ -22,7 +22,7 @@ fn gas(dimension: Dimension, count: usize, e: f64, kind: DriveKind) -> System {
     scatter(&mut scene, light, count / 2, 1.0, &mut random);
     scatter(&mut scene, heavy, count - count / 2, 1.0, &mut random);
     set_restitution(&mut scene, e);
-    scene.drives = vec![Drive { kind, species: vec![0] }];
+    scene.drives = vec![Drive { kind, species: vec![0], rotational: false }];
     scene.seed = 11;
     scene
 }
@@ -64,7 +64,7 @@ fn gas_at_plastic_walls(dimension: Dimension, kind: DriveKind) -> System {
     scatter(&mut scene, grain, count as usize, 1.0, &mut random);
     set_restitution(&mut scene, 0.9);
     scene.contacts.wall.fill(Restitution::Constant(0.0).into());
-    scene.drives = vec![Drive { kind, species: vec![0] }];
+    scene.drives = vec![Drive { kind, species: vec![0], rotational: false }];
     scene
 }
 
@@ -160,7 +160,7 @@ fn the_contact_duration_counts_from_the_last_contact_whatever_else_happens_to_a_
                 DriveKind::Andersen { temperature, .. } => DriveKind::Andersen { temperature, rate: 50.0 },
                 DriveKind::Named(_) => kind,
             })
-            .map(|kind| Drive { kind, species: vec![0] })
+            .map(|kind| Drive { kind, species: vec![0], rotational: false })
             .into_iter()
             .collect();
         check_independence(&scene, &[0.3, 0.7]);

@@ -56,7 +56,7 @@ fn the_trace_of_the_pressure_tensor_is_the_pressure() {
     let mut inelastic = measured_gas(0.2, 0.8);
     let mut driven = measured_gas(0.3, 0.9);
     let noise = DriveKind::WhiteNoise { strength: 0.5, kicks: KickTimes::Poisson { rate: 5.0 } };
-    driven.drives.push(Drive { kind: noise, species: vec![0] });
+    driven.drives.push(Drive { kind: noise, species: vec![0], rotational: false });
     let elastic = measured_gas(0.49, 1.0);
     for system in [&mut inelastic, &mut driven, &mut elastic.clone()] {
         let mut simulation = start(system);

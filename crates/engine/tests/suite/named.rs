@@ -101,7 +101,7 @@ fn gas(dimension: Dimension, kind: DriveKind) -> System {
     }
     scene.species = vec!["light".into(), "heavy".into()];
     set_restitution(&mut scene, 0.9);
-    scene.drives = vec![Drive { kind, species: vec![1] }];
+    scene.drives = vec![Drive { kind, species: vec![1], rotational: false }];
     let start = || Box::new(Changes::default()) as Box<dyn Probe>;
     scene.measure.probes = vec![Arc::new(NamedProbe::new("changes", String::new(), Box::new(start)))];
     scene
@@ -156,7 +156,11 @@ fn a_probe_receives_all_changes_of_velocity_also_in_a_resumed_run() {
 
     // A drive whose actions are at other times.
     let other = System {
-        drives: vec![Drive { kind: drive(Squares { last: 1, keeps: false }), species: vec![1] }],
+        drives: vec![Drive {
+            kind: drive(Squares { last: 1, keeps: false }),
+            species: vec![1],
+            rotational: false,
+        }],
         ..scene
     };
     let error = Simulation::restore(other, Options::default(), &whole.checkpoint()).err().unwrap();

@@ -389,7 +389,7 @@ fn rough_walls_exchange_momentum_along_them() {
 
 #[test]
 fn with_drives() {
-    let drive = |kind| Drive { kind, species: vec![0] };
+    let drive = |kind| Drive { kind, species: vec![0], rotational: false };
     let noise = |kicks| drive(DriveKind::WhiteNoise { strength: 0.4, kicks });
     let cases = [
         ("noise at Poisson times", noise(KickTimes::Poisson { rate: 2.0 }), true),
@@ -409,7 +409,7 @@ fn with_drives() {
     let mut idle = moving(Dimension::Three, [PERIODIC; 3], 0.8, 43);
     idle.species.push("other".into());
     let kind = DriveKind::Andersen { temperature: 1.5, rate: 1.0 };
-    idle.drives.push(Drive { kind, species: vec![1] });
+    idle.drives.push(Drive { kind, species: vec![1], rotational: false });
     Case::new("idle bath", idle, [true; 3]).check();
 }
 
@@ -425,7 +425,7 @@ fn in_shear() {
         Case::new("shear", scene.clone(), conserved).check();
         let kicks = KickTimes::Poisson { rate: 2.0 };
         let kind = DriveKind::WhiteNoise { strength: 0.4, kicks };
-        scene.drives.push(Drive { kind, species: vec![0] });
+        scene.drives.push(Drive { kind, species: vec![0], rotational: false });
         Case::new("shear with noise", scene, conserved).check();
     }
 }
@@ -466,7 +466,7 @@ fn under_gravity() {
     Case::new("gas over a floor", gas.clone(), [true, true, false]).check();
 
     let noise = DriveKind::WhiteNoise { strength: 0.4, kicks: KickTimes::Poisson { rate: 2.0 } };
-    gas.drives.push(Drive { kind: noise, species: vec![0] });
+    gas.drives.push(Drive { kind: noise, species: vec![0], rotational: false });
     Case::new("noise and gravity", gas, [true, true, false]).check();
 
     // Grains whose bounces end, and which slide along the floor and into walls.

@@ -60,7 +60,7 @@ fn trajectory_under_shear_is_independent_of_search_slices_and_resumption() {
         shear(&mut scene, flow, 1 - flow, rate);
         scene.measure.stress = true;
         let kind = DriveKind::Rescale { temperature: 1.0, interval: 0.3 };
-        scene.drives = vec![Drive { kind, species: vec![0] }];
+        scene.drives = vec![Drive { kind, species: vec![0], rotational: false }];
         let simulation = check_independence(&scene, &[0.5, 3.0]);
         assert!(simulation.ledger().term(Term::DriveWork) != 0.0);
     }

@@ -3,31 +3,20 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use haff_engine::{Boundary, Contacts, Shape, ThermalWall, Wall, WallLaw, WallMotion};
-use haff_mechanics::{Restitution, RestitutionTable};
+use haff_mechanics::Restitution;
 
 use super::Assembler;
 use super::domain::DomainPlan;
 use super::names::{MAX_GROUPS, Names, among, wall_indices};
 use super::shape::Turns;
 use super::values::{at, item, not_negative, positive};
-use crate::config::{ContactConfig, RestitutionConfig, RestitutionModelConfig, WallConfig};
-use crate::plugins::{Fault, law_names, make_law};
+use crate::config::{ContactConfig, RestitutionConfig, WallConfig};
+use crate::plugins::Fault;
+
+use super::restitution::Rule;
 
 /// Walls are 16-bit numbers in the engine; a plane is tested by every particle near it.
 const MAX_WALLS: usize = 10_000;
-
-/// The numbers that the models of restitution of haff have, and whether they are given.
-fn numbers(config: &RestitutionModelConfig) -> [(&'static str, bool); 4] {
-    [
-        ("coefficient", config.coefficient.is_some()),
-        ("restitution", config.restitution.is_some()),
-        ("speed", config.speed.is_some()),
-        ("exponent", config.exponent.is_some()),
-    ]
-}
-
-/// A key of a table and its value.
-type Key = (&'static str, Option<f64>);
 
 impl Assembler<'_> {
     /// The walls of `[[wall]]`.
@@ -163,18 +152,18 @@ impl Assembler<'_> {
         let wall_rule =
             self.restitution(&at(["contact", "wall_restitution"]), contact.wall_restitution.as_ref());
         let wall_rule = wall_rule.unwrap_or(general);
+        let added = self.added_speed(&at(["contact", "added_speed"]), contact.added_speed).unwrap_or(0.0);
         let groups = names.all.len().min(MAX_GROUPS);
-        let mut pair = vec![general; groups * groups];
-        let mut wall = vec![wall_rule; groups * walls.len()];
+        let mut pair = vec![Rule { restitution: general, added }; groups * groups];
+        let mut wall = vec![Rule { restitution: wall_rule, added }; groups * walls.len()];
         let configs = self.config.wall.clone().unwrap_or_default();
         let indices_of_walls = wall_indices(&configs, walls);
         for (k, config) in configs.iter().enumerate() {
-            let path = item("wall", k, "restitution");
-            if let (Some(rule), Some(index)) =
-                (self.restitution(&path, config.restitution.as_ref()), indices_of_walls[k])
-            {
-                for group in 0..groups {
-                    wall[group * walls.len() + index] = rule;
+            let restitution = self.restitution(&item("wall", k, "restitution"), config.restitution.as_ref());
+            let added = self.added_speed(&item("wall", k, "added_speed"), config.added_speed);
+            if let Some(index) = indices_of_walls[k] {
+                for rule in wall.iter_mut().skip(index).step_by(walls.len()) {
+                    rule.set(restitution, added);
                 }
             }
         }
@@ -202,11 +191,15 @@ impl Assembler<'_> {
                 path.push(key.to_owned());
                 path
             };
-            let rule = self.restitution(&path("restitution"), config.restitution.as_ref());
+            let restitution = self.restitution(&path("restitution"), config.restitution.as_ref());
+            let added = self.added_speed(&path("added_speed"), config.added_speed);
             let sticks = config.sticks == Some(true);
-            let is_rough = config.tangential_restitution.is_some() || config.friction.is_some();
-            if config.restitution.is_none() && !sticks && !is_rough {
-                let why = "missing: the pair needs a restitution, a tangential_restitution, or sticks = true";
+            let has_other = config.tangential_restitution.is_some()
+                || config.friction.is_some()
+                || config.added_speed.is_some();
+            if config.restitution.is_none() && !sticks && !has_other {
+                let why = "missing: the pair needs a restitution, a tangential_restitution, an added_speed, or \
+                           sticks = true";
                 self.document.report_missing(&path("restitution"), why);
             }
             if config.restitution.is_some() && sticks {
@@ -250,20 +243,20 @@ impl Assembler<'_> {
             } else if sticks {
                 self.sticking.push([i as u32, j as u32]);
             }
-            let Some(rule) = rule else { continue };
             if i >= groups || (j < names.all.len() && j >= groups) {
                 continue;
             }
             if j < names.all.len() {
-                pair[i * groups + j] = rule;
-                pair[j * groups + i] = rule;
+                pair[i * groups + j].set(restitution, added);
+                pair[j * groups + i] = pair[i * groups + j];
             } else {
-                wall[i * walls.len() + j - names.all.len()] = rule;
+                wall[i * walls.len() + j - names.all.len()].set(restitution, added);
             }
         }
         self.sticking_to_walls.retain(|entry| !ruled.contains(entry));
         self.sticking_to_walls.extend(sticking_to_walls);
-        let mut wall: Vec<WallLaw> = wall.into_iter().map(WallLaw::from).collect();
+        let pair = pair.into_iter().map(Rule::law).collect();
+        let mut wall: Vec<WallLaw> = wall.into_iter().map(|rule| rule.law().into()).collect();
         for (k, config) in configs.iter().enumerate() {
             if let (Some([temperature, accommodation]), Some(index)) =
                 (self.thermal(k, config), indices_of_walls[k])
@@ -299,11 +292,17 @@ impl Assembler<'_> {
             return None;
         };
         positive(&mut self.document, &path("temperature"), temperature);
+        if config.sticks == Some(true) {
+            let why = format!("contradicts wall.{k}.temperature: give one of the two");
+            self.document.report(&path("sticks"), why);
+        }
         for (key, given) in
-            [("restitution", config.restitution.is_some()), ("sticks", config.sticks == Some(true))]
+            [("restitution", config.restitution.is_some()), ("added_speed", config.added_speed.is_some())]
         {
-            if given {
-                let why = format!("contradicts wall.{k}.temperature: give one of the two");
+            if given && accommodation >= 1.0 {
+                let why = format!(
+                    "has no effect: all reflections of wall.{k} are thermal; give wall.{k}.accommodation below 1"
+                );
                 self.document.report(&path(key), why);
             }
         }
@@ -335,153 +334,6 @@ impl Assembler<'_> {
             self.document.report(&path, why);
         }
         speed
-    }
-
-    /// Measured coefficients of restitution, if they are valid.
-    fn restitution_table(&mut self, path: &[String], config: &RestitutionModelConfig) -> Option<Restitution> {
-        let sub = |key: &str| {
-            let mut path = path.to_vec();
-            path.push(key.to_owned());
-            path
-        };
-        let mut sound = true;
-        let names = [("model", config.model.is_some()), ("parameters", config.parameters.is_some())];
-        for (key, _) in numbers(config).into_iter().chain(names).filter(|(_, given)| *given) {
-            self.document.report(&sub(key), "does not belong to a table of speeds and values");
-            sound = false;
-        }
-        for (key, list) in [("speeds", &config.speeds), ("values", &config.values)] {
-            if list.is_none() {
-                self.document.report_missing(&sub(key), "missing: a table has speeds and values");
-                sound = false;
-            }
-        }
-        let (Some(speeds), Some(values)) = (&config.speeds, &config.values) else { return None };
-        match RestitutionTable::of(speeds, values) {
-            Ok(table) if sound => Some(Restitution::Table(table)),
-            Ok(_) => None,
-            Err(error) => {
-                self.document.refuse_part(&sub(error.parameter), error.value, error.allowed);
-                None
-            }
-        }
-    }
-
-    /// A law of restitution, if there is one and it is valid.
-    fn restitution(&mut self, path: &[String], config: Option<&RestitutionConfig>) -> Option<Restitution> {
-        let sub = |key: &str| {
-            let mut path = path.to_vec();
-            path.push(key.to_owned());
-            path
-        };
-        let model = match config? {
-            RestitutionConfig::Constant(e) => {
-                if (0.0..=1.0).contains(e) {
-                    return Some(Restitution::Constant(*e));
-                }
-                self.document.refuse(path, "must be in [0, 1]");
-                return None;
-            }
-            RestitutionConfig::Model(model) => model,
-        };
-        if model.speeds.is_some() || model.values.is_some() {
-            return self.restitution_table(path, model);
-        }
-        let Some(name) = model.model.as_deref() else {
-            let known: Vec<String> = law_names().into_iter().map(|name| format!("\"{name}\"")).collect();
-            let why = format!("missing: {}; or give speeds and values", known.join(" or "));
-            self.document.report_missing(&sub("model"), why);
-            return None;
-        };
-        let (needed, extra): (&[Key], &[Key]) = match name {
-            "viscoelastic" => (
-                &[("coefficient", model.coefficient)],
-                &[("restitution", model.restitution), ("speed", model.speed), ("exponent", model.exponent)],
-            ),
-            "cutoff" => (
-                &[("restitution", model.restitution), ("speed", model.speed)],
-                &[("coefficient", model.coefficient)],
-            ),
-            _ => return self.added_law(path, name, model),
-        };
-        let mut sound = true;
-        for (key, value) in needed {
-            if value.is_none() {
-                self.document.report_missing(&sub(key), "missing: this model needs it");
-                sound = false;
-            }
-        }
-        for (key, value) in extra {
-            if value.is_some() {
-                self.document.report(&sub(key), "does not belong to this model");
-                sound = false;
-            }
-        }
-        if model.parameters.is_some() {
-            self.document.report(&sub("parameters"), "does not belong to this model");
-            sound = false;
-        }
-        if !sound {
-            return None;
-        }
-        if name == "viscoelastic" {
-            let coefficient = model.coefficient.unwrap_or(0.0);
-            return not_negative(&mut self.document, &sub("coefficient"), coefficient)
-                .then_some(Restitution::Viscoelastic { coefficient });
-        }
-        let restitution = model.restitution.unwrap_or(1.0);
-        let speed = model.speed.unwrap_or(1.0);
-        let exponent = model.exponent.unwrap_or(0.75);
-        if !(0.0..=1.0).contains(&restitution) {
-            self.document.refuse(&sub("restitution"), "must be in [0, 1]");
-            sound = false;
-        }
-        sound &= positive(&mut self.document, &sub("speed"), speed);
-        sound &= positive(&mut self.document, &sub("exponent"), exponent);
-        sound.then_some(Restitution::Cutoff { restitution, speed, exponent })
-    }
-
-    /// The law of contact of another crate with this name, if there is one and its parameters are valid.
-    fn added_law(
-        &mut self,
-        path: &[String],
-        name: &str,
-        model: &RestitutionModelConfig,
-    ) -> Option<Restitution> {
-        let sub = |keys: &[&str]| {
-            let mut path = path.to_vec();
-            path.extend(keys.iter().map(|&key| key.to_owned()));
-            path
-        };
-        let given = model.parameters.clone().unwrap_or_default();
-        let Some(made) = make_law(name, &given) else {
-            let known: Vec<String> = law_names().into_iter().map(|name| format!("\"{name}\"")).collect();
-            self.document.refuse(&sub(&["model"]), format!("must be one of {}", known.join(", ")));
-            return None;
-        };
-        let mut sound = true;
-        for (key, _) in numbers(model).into_iter().filter(|(_, given)| *given) {
-            self.document
-                .report(&sub(&[key]), "does not belong to this model, whose parameters are in parameters");
-            sound = false;
-        }
-        if self.has_joints() {
-            let why = "does not work with pendulums, springs, rods or sticking contacts";
-            self.document.report(&sub(&["model"]), why);
-            sound = false;
-        }
-        if self.config.contact.as_ref().and_then(|contact| contact.rest_speed).is_some_and(|v| v > 0.0) {
-            let why = "does not work with contact.rest_speed: its contacts need not lose energy";
-            self.document.report(&sub(&["model"]), why);
-            sound = false;
-        }
-        match made {
-            Ok(law) => sound.then_some(Restitution::Law(law)),
-            Err(faults) => {
-                self.report_faults(&sub(&["parameters"]), faults);
-                None
-            }
-        }
     }
 
     /// Reports what is wrong with the parameters of a plug-in.

@@ -39,8 +39,13 @@ impl Assembler<'_> {
                 continue;
             };
             let Some(kind) = self.drive_kind(k, &kind, &config) else { continue };
+            let rotational = config.rotational == Some(true);
+            if rotational && matches!(kind, DriveKind::Named(_)) {
+                let why = "is for the drives of haff: one of another crate sets velocities alone";
+                self.document.report(&path("rotational"), why);
+            }
             let species = self.driven_species(k, config.species, names);
-            drives.push(Drive { kind, species });
+            drives.push(Drive { kind, species, rotational });
         }
         drives
     }

@@ -41,7 +41,7 @@ impl GrowthPlan {
         // Near jamming heating becomes ever faster.
         let longest = STEP / self.relative(rows.largest_radius());
         let kind = DriveKind::Hold { temperature: self.config.temperature?, longest };
-        Some(Drive { kind, species: (0..species as u32).collect() })
+        Some(Drive { kind, species: (0..species as u32).collect(), rotational: false })
     }
 }
 

@@ -35,6 +35,7 @@ mod piston;
 mod placement;
 mod plan;
 mod region;
+mod restitution;
 mod scaling;
 mod shape;
 mod shear;

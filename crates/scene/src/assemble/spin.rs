@@ -18,6 +18,10 @@ use crate::{
     placement::random::{Purpose, Stream},
 };
 
+/// Why a key of spins is refused where nothing turns.
+const WITHOUT_SPIN: &str = "has no effect without spin: give contact.tangential_restitution above −1, or \
+                            initial.rotational_temperature";
+
 /// The laws of spin of a scene that has any.
 pub(super) struct SpinPlan {
     inertia: Vec<f64>,
@@ -183,14 +187,17 @@ impl Assembler<'_> {
             if !(q > 0.0 && q <= largest * (1.0 + 1e-12)) {
                 self.document.refuse(&path, allowed);
             } else if !has_spin {
-                let why = "has no effect without spin: give contact.tangential_restitution above −1, or \
-                           initial.rotational_temperature";
-                self.document.report(&path, why);
+                self.document.report(&path, WITHOUT_SPIN);
             } else if inertia[group].is_some_and(|other| other != q) {
                 let why = format!("must be the same for all particles named \"{}\"", names.all[group]);
                 self.document.refuse(&path, why);
             }
             inertia[group] = Some(q);
+        }
+        for (k, drive) in self.config.drive.clone().iter().flatten().enumerate() {
+            if drive.rotational == Some(true) && !has_spin {
+                self.document.report(&item("drive", k, "rotational"), WITHOUT_SPIN);
+            }
         }
         inertia.into_iter().map(|q| q.unwrap_or(default)).collect()
     }

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::parameters::{Fault, Given, Parameters};
 
 /// Models of restitution that haff itself has.
-const MODELS: [&str; 2] = ["viscoelastic", "cutoff"];
+const MODELS: [&str; 3] = ["viscoelastic", "cutoff", "random"];
 /// Drives that haff itself has.
 const DRIVES: [&str; 3] = ["rescale", "andersen", "white_noise"];
 

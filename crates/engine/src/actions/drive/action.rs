@@ -1,6 +1,7 @@
 //! A drive of another crate.
 
 use glam::DVec3;
+use haff_mechanics::random::{Draw, mix};
 use haff_neighbors::Geometry;
 
 use crate::{
@@ -10,10 +11,7 @@ use crate::{
         particles::{DrivenParticles, Particles},
     },
     motion::view::View,
-    numerics::{
-        error::EngineError,
-        random::{Draw, mix},
-    },
+    numerics::error::EngineError,
     report::Observer,
     state::State,
 };
@@ -77,7 +75,7 @@ impl TimedAction for NamedDrive {
             if changes.get(k + 1).is_none_or(|&(other, _)| other != i) {
                 let flow =
                     state.world.flow_velocity(state.world.state(i, state.world.now).0, state.world.now);
-                kick(state, i, flow + velocity, observer)?;
+                kick(state, i, flow + velocity, None, observer)?;
                 changed.push(i);
             }
         }

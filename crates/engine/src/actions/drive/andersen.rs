@@ -1,14 +1,10 @@
 //! The Andersen thermostat: at the times of a Poisson process, particles get velocities from a Maxwell
 //! distribution, which are hashes of the seed, the particle and its event count.
 
+use haff_mechanics::random::Draw;
 use haff_neighbors::Geometry;
 
-use crate::{
-    actions::timed::TimedAction,
-    numerics::{error::EngineError, random::Draw},
-    report::Observer,
-    state::State,
-};
+use crate::{actions::timed::TimedAction, numerics::error::EngineError, report::Observer, state::State};
 
 use super::{
     driven::{Driven, kick},
@@ -45,7 +41,8 @@ impl TimedAction for Andersen {
         let spread = (self.temperature / mass).sqrt();
         let peculiar = spread * Draw::new(self.seed, i, u64::from(count)).normals(self.driven.dimension);
         let flow = state.world.flow_velocity(state.world.state(i, state.world.now).0, state.world.now);
-        kick(state, i, flow + peculiar, observer)?;
+        let spin = self.driven.turns(state, self.seed, i).map(|turn| spread * turn);
+        kick(state, i, flow + peculiar, spin, observer)?;
         Ok(vec![i])
     }
 

@@ -5,6 +5,7 @@ use haff_neighbors::Geometry;
 
 use crate::{
     actions::timed::TimedAction,
+    model::spin::rotations,
     numerics::{error::EngineError, total::total},
     report::Observer,
     state::State,
@@ -54,7 +55,7 @@ impl TimedAction for Rescale {
 }
 
 /// Rescales the velocities of some particles, relative to their center of mass, so that they have a
-/// temperature. Returns the factor; `None`, with nothing changed, if they have no relative motion.
+/// temperature; by a rotational drive the angular velocities, too. Returns the factor; `None`, with nothing changed, if they have no relative motion.
 pub(super) fn rescale(
     driven: &Driven,
     temperature: f64,
@@ -77,10 +78,25 @@ pub(super) fn rescale(
     if !(factor.is_finite() && twice_thermal > 0.0) {
         return Ok(None);
     }
+    let turns = spin_factor(driven, temperature, state);
     for &i in particles {
+        let spin = turns.map(|factor| state.world.angular_velocity(i, state.world.now) * factor);
         let (position, velocity) = state.world.peculiar(i, state.world.now);
         let flow = state.world.flow_velocity(position, state.world.now);
-        kick(state, i, flow + drift + (velocity - drift) * factor, observer)?;
+        kick(state, i, flow + drift + (velocity - drift) * factor, spin, observer)?;
     }
     Ok(Some(factor))
+}
+
+/// The factor by which a rotational drive multiplies angular velocities, so that those of the driven particles
+/// have the temperature, too. `None` if it does not, or if nothing turns.
+fn spin_factor(driven: &Driven, temperature: f64, state: &State) -> Option<f64> {
+    if !driven.rotational {
+        return None;
+    }
+    let (world, particles) = (&state.world, &driven.particles);
+    let [energy] = total(particles.len(), |k| [world.rotation(particles[k as usize], world.now).0]);
+    let wanted = 0.5 * (rotations(driven.dimension) * particles.len()) as f64 * temperature;
+    let factor = (wanted / energy).sqrt();
+    factor.is_finite().then_some(factor)
 }

@@ -1,9 +1,8 @@
 //! Times of the actions of drives: a Poisson process, or regular intervals. Both are saved and resumed.
 
-use crate::{
-    numerics::{error::EngineError, random::Draw},
-    state::State,
-};
+use haff_mechanics::random::Draw;
+
+use crate::{numerics::error::EngineError, state::State};
 
 /// The times of a Poisson process for each of some particles, and the particles that it selects.
 ///

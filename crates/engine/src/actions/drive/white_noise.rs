@@ -3,14 +3,17 @@
 //!
 //! Kicks at the times of a Poisson process are exact in event time: they give each particle the mean power
 //! d m ξ₀²/2. Kicks of all particles at intervals have their mean taken out, so that they keep the momentum.
+//! A rotational drive changes the angular velocities, too: the variance of each component grows by ξ₀² m/I in a
+//! unit of time, so that a rotation gets the mean power m ξ₀²/2 of one component of the velocity.
 //! The numbers are hashes of the seed, the particle and its event count.
 
 use glam::DVec3;
+use haff_mechanics::random::Draw;
 use haff_neighbors::Geometry;
 
 use crate::{
     actions::timed::TimedAction,
-    numerics::{error::EngineError, random::Draw, total::total},
+    numerics::{error::EngineError, total::total},
     report::Observer,
     state::State,
 };
@@ -42,6 +45,12 @@ impl Kicks {
         let count = u64::from(state.world.particles[i as usize].count);
         self.spread * Draw::new(self.seed, i, count).normals(self.driven.dimension)
     }
+
+    /// The angular velocity of a particle after its next event, if that is driven.
+    fn spin(&self, state: &State, i: u32) -> Option<DVec3> {
+        let turn = self.driven.turns(state, self.seed, i)?;
+        Some(state.world.angular_velocity(i, state.world.now) + self.spread * turn)
+    }
 }
 
 /// Kicks of one particle after the other.
@@ -64,7 +73,8 @@ impl TimedAction for PoissonNoise {
     ) -> Result<Vec<u32>, EngineError> {
         let i = self.kicks.driven.particles[self.times.select()];
         let velocity = state.world.state(i, state.world.now).1 + self.kicks.of(state, i);
-        kick(state, i, velocity, observer)?;
+        let spin = self.kicks.spin(state, i);
+        kick(state, i, velocity, spin, observer)?;
         Ok(vec![i])
     }
 
@@ -123,7 +133,8 @@ impl TimedAction for IntervalNoise {
         let mean = DVec3::new(px, py, pz) / m;
         for (&i, change) in particles.iter().zip(changes) {
             let velocity = state.world.state(i, state.world.now).1 + (change - mean);
-            kick(state, i, velocity, observer)?;
+            let spin = self.kicks.spin(state, i);
+            kick(state, i, velocity, spin, observer)?;
         }
         Ok(particles.clone())
     }

@@ -1,10 +1,10 @@
 //! A place for a particle that comes in.
 
 use glam::DVec3;
+use haff_mechanics::random::Draw;
 
 use crate::{
     model::flow::Inlet,
-    numerics::random::Draw,
     state::{periodicity::Periodicity, population::Arrival, world::World},
 };
 

@@ -8,6 +8,7 @@
 
 use std::{collections::VecDeque, sync::Arc};
 
+use haff_mechanics::random::{Draw, mix};
 use haff_neighbors::Geometry;
 
 use crate::{
@@ -16,11 +17,7 @@ use crate::{
         System,
         flow::{Flow, Inlet, Outlet, Supply},
     },
-    numerics::{
-        clock::HORIZON,
-        error::EngineError,
-        random::{Draw, mix},
-    },
+    numerics::{clock::HORIZON, error::EngineError},
     report::{Observer, with_ids},
     state::{State, population::Arrival},
 };

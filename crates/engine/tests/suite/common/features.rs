@@ -138,8 +138,9 @@ pub fn features() -> Vec<(&'static str, System)> {
             scatter(scene, kind, 40, 1.0, &mut Random(4));
         })
     };
-    let drive =
-        |kind: DriveKind| with(plain(), |scene| scene.drives = vec![Drive { kind, species: vec![0] }]);
+    let drive = |kind: DriveKind| {
+        with(plain(), |scene| scene.drives = vec![Drive { kind, species: vec![0], rotational: false }])
+    };
     vec![
         ("spheres of one size", box_of(PERIODIC, &[0.5], 1.0)),
         ("restitution below 1", plain()),

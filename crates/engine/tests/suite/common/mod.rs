@@ -210,7 +210,9 @@ pub fn check_independence(scene: &System, times: &[f64]) -> Simulation {
     let plain =
         Options { neighbors: NeighborChoice::AllPairs, simd: SimdChoice::Portable, ..Options::default() };
     let mut reference = Simulation::new(scene.clone(), plain).unwrap();
-    let state = |simulation: &Simulation| (simulation.state_hash(), simulation.ledger().terms);
+    let state = |simulation: &Simulation| {
+        (simulation.state_hash(), simulation.ledger().terms, simulation.counters().simultaneous)
+    };
     let expected: Vec<_> = times
         .iter()
         .map(|&time| {

@@ -6,7 +6,7 @@ use haff_engine::{
     Measure, Oscillating, Partition, Rotation, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw,
     WallMotion,
 };
-use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Surface, Waveform};
+use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Scatter, Surface, Waveform};
 use haff_surfaces::{Mesh, Rectangle, Revolution, Side, Sphere};
 use proptest::prelude::*;
 
@@ -136,6 +136,9 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             let shaped = one_in(5, 33) && !deforms;
             let shape = if shaped { 1 + (seed >> 36) as usize % SHAPES } else { 0 };
             // Shapes do not repeat with the box.
+            let drawn = one_in(12, 24);
+            // What adds energy does not work with rest.
+            let drawn_law = if one_in(2, 56) && !rest { 7 } else { 6 };
             let bounded = boundary.map(|kind| if shaped { kind.max(1) } else { kind });
             Recipe {
                 shape,
@@ -143,7 +146,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 boundary: if all_periodic { [0; 3] } else { bounded },
                 particles,
                 species,
-                restitution,
+                restitution: if drawn { drawn_law } else { restitution },
                 gravity: gravity && compression == 0,
                 ramp: if compression > 0 { 0 } else { ramp },
                 fixed: fixed && !deforms,
@@ -181,6 +184,13 @@ fn law(kind: usize, random: &mut Random) -> Restitution {
         2 => Restitution::Constant(0.0),
         3 => Restitution::Viscoelastic { coefficient: random.uniform(0.01, 0.3) },
         4 => Restitution::Cutoff { restitution: 0.3, speed: 0.2, exponent: 0.75 },
+        6 => Restitution::random(match random.index(3) {
+            0 => Scatter::Uniform([0.2, random.uniform(0.2, 1.0)]),
+            1 => Scatter::Normal([random.uniform(0.5, 1.0), 0.1]),
+            _ => Scatter::Values(vec![0.0, 0.7, 1.0]),
+        })
+        .unwrap(),
+        7 => law(random.index(5), random).with_added_speed(10_f64.powf(random.uniform(-4.0, -1.0))),
         // Every pair and every wall gets a law of its own.
         _ => law(random.index(5), random),
     }
@@ -398,7 +408,9 @@ impl Recipe {
             4 => Some(noise(KickTimes::Regular { interval })),
             _ => None,
         };
-        scene.drives = kind.map(|kind| Drive { kind, species: vec![0] }).into_iter().collect();
+        // Only where there are spins.
+        let rotational = (self.seed >> 16).is_multiple_of(2);
+        scene.drives = kind.map(|kind| Drive { kind, species: vec![0], rotational }).into_iter().collect();
         if self.fixed {
             let kind = class(&mut scene, 0.5, f64::INFINITY);
             scene.classes[kind as usize].group = self.species as u32;

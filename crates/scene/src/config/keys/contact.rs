@@ -16,6 +16,10 @@ pub struct ContactConfig {
     pub restitution: Option<RestitutionConfig>,
     /// The same for walls; default `restitution`.
     pub wall_restitution: Option<RestitutionConfig>,
+    /// Speed Δ ≥ 0 of the Δ model [length/time]: each contact adds 2 Δ to the speed of separation. Default
+    /// 0, for contacts of particles and with walls.
+    #[schemars(range(min = 0.0))]
+    pub added_speed: Option<f64>,
     /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
     /// Default −1.
     #[schemars(range(min = -1.0, max = 1.0))]
@@ -49,6 +53,10 @@ pub struct PairConfig {
     /// Coefficient of restitution. Either this or `sticks`; default that of `[contact]` if the entry makes
     /// the contact rough.
     pub restitution: Option<RestitutionConfig>,
+    /// Speed Δ ≥ 0 of the Δ model [length/time]: each contact adds 2 Δ to the speed of separation. Default
+    /// `contact.added_speed`.
+    #[schemars(range(min = 0.0))]
+    pub added_speed: Option<f64>,
     /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
     /// Default `contact.tangential_restitution`.
     #[schemars(range(min = -1.0, max = 1.0))]
@@ -74,13 +82,14 @@ pub enum RestitutionConfig {
 }
 
 /// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent =
-/// … }`, a measured table `{ speeds = […], values = […] }`, or a law of another crate.
+/// … }`, `{ model = "random", … }` (drawn anew in each contact), a measured table `{ speeds = […], values = […]
+/// }`, or a law of another crate.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestitutionModelConfig {
     /// The law, if there is no table: `viscoelastic` (viscoelastic spheres, e = 1 − 1.15344 δ + …, δ =
-    /// coefficient · v^(1/5)), `cutoff` (constant above a speed, tending to 1 below), or one that the program
-    /// was built with.
+    /// coefficient · v^(1/5)), `cutoff` (constant above a speed, tending to 1 below), `random` (drawn anew in
+    /// each contact from `uniform`, `normal` or `values`), or one that the program was built with.
     #[schemars(schema_with = "names_of_laws")]
     pub model: Option<String>,
     /// Parameters of a law that the program was built with.
@@ -88,9 +97,16 @@ pub struct RestitutionModelConfig {
     /// Table: increasing approach speeds [length/time].
     #[schemars(inner(range(min = 0.0)))]
     pub speeds: Option<Vec<f64>>,
-    /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond.
+    /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond. random:
+    /// each contact has one of these, all equally probable.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub values: Option<Vec<f64>>,
+    /// random: the restitution is uniform between these two, in [0, 1].
+    #[schemars(length(equal = 2), inner(range(min = 0.0, max = 1.0)))]
+    pub uniform: Option<Vec<f64>>,
+    /// random: mean and standard deviation of a normal distribution that is cut off outside of [0, 1].
+    #[schemars(length(equal = 2), inner(range(min = 0.0, max = 1.0)))]
+    pub normal: Option<Vec<f64>>,
     /// viscoelastic: δ at unit approach speed [(time/length)^(1/5)].
     #[schemars(range(min = 0.0))]
     pub coefficient: Option<f64>,

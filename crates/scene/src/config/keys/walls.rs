@@ -30,8 +30,13 @@ pub struct WallConfig {
     pub surface: Option<String>,
     /// Parameters of the surface.
     pub parameters: Option<BTreeMap<String, serde_json::Value>>,
-    /// Restitution of contacts with this wall; default `contact.wall_restitution`.
+    /// Restitution of contacts with this wall; default `contact.wall_restitution`. On a thermal wall, of the
+    /// reflections that are not thermal.
     pub restitution: Option<RestitutionConfig>,
+    /// Speed Δ ≥ 0 of the Δ model [length/time]: each contact adds 2 Δ to the speed of separation. Default
+    /// `contact.added_speed`.
+    #[schemars(range(min = 0.0))]
+    pub added_speed: Option<f64>,
     /// Coefficient of tangential restitution β of rough contacts, in [−1, 1]: −1 smooth, 1 perfectly rough.
     /// Default `contact.tangential_restitution`.
     #[schemars(range(min = -1.0, max = 1.0))]

@@ -231,7 +231,7 @@ impl Growth<'_> {
             },
             walls,
             spin: None,
-            drives: vec![Drive { kind, species: vec![0] }],
+            drives: vec![Drive { kind, species: vec![0], rotational: false }],
             seed,
             measure: Measure::default(),
             flow: None,

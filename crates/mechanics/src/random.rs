@@ -1,5 +1,9 @@
-//! Random numbers as hashes of the seed, the particle and its event count. They do not depend on the search
-//! or the number of threads, and are the same in a resumed run.
+/*!
+Random numbers as hashes.
+
+A number that belongs to an event is a function of what the event is, and not of how many numbers were drawn
+before: so it does not depend on the search or the number of threads, and is the same in a resumed run.
+*/
 
 use std::f64::consts::TAU;
 
@@ -7,40 +11,54 @@ use glam::DVec3;
 
 /// The sequence of independent random numbers of one event.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Draw {
+pub struct Draw {
     state: u64,
 }
 
 impl Draw {
     /// The sequence of the `count`-th event of a `particle`.
+    #[inline]
+    #[must_use]
     pub fn new(seed: u64, particle: u32, count: u64) -> Self {
         // Mixed after each part, so that similar pairs (particle, count) have different states.
         Self { state: mix(mix(mix(seed ^ 0x6861_6666_2064_7261) ^ u64::from(particle)) ^ count) }
     }
 
+    /// The sequence that belongs to these bits.
+    #[inline]
+    #[must_use]
+    pub fn from_bits(bits: u64) -> Self {
+        Self { state: bits }
+    }
+
     /// The next number, uniform in the open interval (0, 1).
+    #[inline]
     pub fn uniform(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
         ((mix(self.state) >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
     }
 
     /// The next index below `count`.
+    #[inline]
     pub fn index(&mut self, count: usize) -> usize {
         ((self.uniform() * count as f64) as usize).min(count - 1)
     }
 
     /// The next number, from an exponential distribution of mean 1.
+    #[inline]
     pub fn exponential(&mut self) -> f64 {
         -libm::log(self.uniform())
     }
 
     /// The next number, from a normal distribution of mean 0 and variance 1 (Box and Muller).
+    #[inline]
     pub fn normal(&mut self) -> f64 {
         let (radius, angle) = ((2.0 * self.exponential()).sqrt(), TAU * self.uniform());
         radius * libm::cos(angle)
     }
 
     /// A vector with a normal number in each of the first `dimension` components.
+    #[inline]
     pub fn normals(&mut self, dimension: usize) -> DVec3 {
         let mut component = |axis: usize| if axis < dimension { self.normal() } else { 0.0 };
         DVec3::new(component(0), component(1), component(2))
@@ -49,7 +67,8 @@ impl Draw {
 
 /// A hash of `x`: every bit depends on all bits of `x` (finalizer of SplitMix64).
 #[inline(always)]
-pub(crate) fn mix(x: u64) -> u64 {
+#[must_use]
+pub fn mix(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     x ^ (x >> 31)
