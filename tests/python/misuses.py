@@ -626,9 +626,16 @@ def of_frames(table: Table, run: haff.File) -> None:
         "temperature",
     ):
         table.add(name, getattr(analysis, name), frame=(frame, NO_FRAME))
-    no_species = {**without(NO_COUNT, "none"), "unknown": 7}
-    table.add("temperature", analysis.temperature, frame=frame, species=(0, no_species))
-    table.add("rotational_temperature", analysis.rotational_temperature, frame=frame, species=(0, no_species))
+    no_species = {**without(NO_COUNT, "none", "text"), "unknown": 7, "name": "nothing"}
+    for name in ("temperature", "rotational_temperature", "scaled_velocities", "sonine_a2"):
+        table.add(name, getattr(analysis, name), frame=frame, species=(0, no_species))
+    table.add(
+        "mixing",
+        analysis.mixing,
+        file=(run, NO_FILE),
+        species=("grain", {"unknown": "nothing", "number": 3, "object": HOSTILE}),
+        profile=("z", {"unknown": "q", "number": 3, "object": HOSTILE}),
+    )
     table.add(
         "clusters",
         analysis.clusters,
@@ -668,6 +675,7 @@ def of_frames(table: Table, run: haff.File) -> None:
         bins=(5, bins),
         most_waves=(20, bins),
         seed=(0, NO_COUNT),
+        species=(0, {**no_species, "three": (0, 0, 0), "one": ("grain",), "pair": ("grain", "nothing")}),
     )
     table.add(
         "pair_distributions",
@@ -692,6 +700,7 @@ def of_frames(table: Table, run: haff.File) -> None:
         frames=(frames, NO_FRAMES),
         bins=(5, bins),
         reach=(5.0, NO_POSITIVE),
+        species=("grain", no_species),
     )
     table.add(
         "height_profile",
@@ -699,6 +708,7 @@ def of_frames(table: Table, run: haff.File) -> None:
         frames=(frames, NO_FRAMES),
         bins=(5, bins),
         axis=("z", without(NO_NAME, "none")),
+        species=("grain", no_species),
         limits=(
             (0.0, 1.0),
             {

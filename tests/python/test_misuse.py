@@ -29,7 +29,12 @@ def table(tmp_path_factory):
     folder, before = tmp_path_factory.mktemp("misuse"), os.getcwd()
     haff.save_scene(misuses.GAS, folder / "gas.toml")
     measured = misuses.GAS | {
-        "measure": {"msd": True, "vacf": True, "interval": 0.1},
+        "measure": {
+            "msd": True,
+            "vacf": True,
+            "interval": 0.1,
+            "profiles": [{"axis": "z", "bins": 2, "interval": 0.5, "species": "each"}],
+        },
         "output": {"frames": 0.25, "observables": 0.1, "events": True},
     }
     haff.run(measured, file=folder / "run.h5")

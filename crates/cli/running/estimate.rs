@@ -1,6 +1,6 @@
 //! Estimates of memory, for `haff check`.
 
-use haff_engine::{Correlations, Grid, Measure, System, initial_temperature};
+use haff_engine::{Correlations, Followed, Grid, Measure, System, initial_temperature};
 use haff_scene::Scene;
 
 /// Temperature of the bodies of finite mass at the start, as the first sample has it; 0 without any.
@@ -22,13 +22,16 @@ pub fn measured(system: &System, samples: u64, until: f64) -> u64 {
     let stress = if measure.stress { 3 * d * d } else { 0 };
     let walls = if measure.wall_forces { 4 * system.walls.len() as u64 } else { 0 };
     let rows = |grid: &Grid| if until.is_finite() { (until / grid.interval) as u64 } else { 0 };
-    // Two densities, velocity, temperature and pressure tensor.
-    let profiles = measure.profiles.iter().map(|grid| rows(grid) * grid.cells() as u64 * (6 + d * d));
+    // Two densities, velocity, temperature and pressure tensor, of all and of each species.
+    let groups = |grid: &Grid| 1 + grid.species.len() as u64;
+    let profiles =
+        measure.profiles.iter().map(|grid| rows(grid) * groups(grid) * grid.cells() as u64 * (6 + d * d));
     samples * (stress + walls) + profiles.sum::<u64>()
 }
 
 /// Memory for earlier states of correlations \[bytes\]: sixteen at each of about ten levels.
 pub fn correlations(measure: &Measure, particles: usize) -> u64 {
-    let Correlations { msd, vacf, tracers, .. } = measure.correlations;
-    (u64::from(msd) + u64::from(vacf)) * particles.min(tracers) as u64 * 10 * 16 * 24
+    let Correlations { msd, vacf, tracers, .. } = &measure.correlations;
+    let followed = |followed: &Followed| particles.min(tracers * followed.curves()) as u64;
+    (followed(msd) + followed(vacf)) * 10 * 16 * 24
 }

@@ -54,10 +54,11 @@ pub use model::{
     Partition, Piston, Probe, Rotation, Shape, Shear, Shrinking, SimdChoice, Spin, Supply, System,
     ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity, conserved_momentum,
     named_action, rest_speed_of_diameter,
+    Followed,
 };
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{
-    BlockCounts, CORRELATIONS, Checkpoint, Compressed, Correlation, CorrelationKind, Counters, EventColumn,
+    BlockCounts, CORRELATIONS, CellFields, Checkpoint, Compressed, Correlation, CorrelationKind, Counters, EventColumn,
     EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, Mean, NO_PARTNER, Observable,
     Observer, Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop,
     StressTensor, Term, Total, VelocityChange, counts, energies, observables, residual_warning, total_names,

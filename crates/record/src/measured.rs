@@ -1,6 +1,6 @@
 //! Profiles and correlations: the groups `profiles` and `correlations`.
 
-use haff_engine::{CORRELATIONS, Correlation, CorrelationKind, Correlations, Grid, ProfileRow};
+use haff_engine::{CORRELATIONS, CellFields, Correlation, CorrelationKind, Correlations, Grid, ProfileRow};
 use hdf5::Group;
 
 use crate::{
@@ -23,41 +23,57 @@ struct Field {
     unit: &'static str,
     /// Shape of the value in a cell, in d dimensions.
     shape: fn(usize) -> Vec<usize>,
-    values: fn(&ProfileRow) -> Vec<f64>,
+    values: fn(&CellFields) -> Vec<f64>,
 }
 
 const FIELDS: [Field; 5] = [
-    Field { name: "density", unit: "1/length^d", shape: |_| Vec::new(), values: |row| row.density.clone() },
+    Field { name: "density", unit: "1/length^d", shape: |_| Vec::new(), values: |cells| cells.density.clone() },
     Field {
         name: "mass_density",
         unit: "mass/length^d",
         shape: |_| Vec::new(),
-        values: |row| row.mass_density.clone(),
+        values: |cells| cells.mass_density.clone(),
     },
     Field {
         name: "velocity",
         unit: "length/time",
         shape: |_| vec![3],
-        values: |row| row.velocity.iter().flat_map(glam::DVec3::to_array).collect(),
+        values: |cells| cells.velocity.iter().flat_map(glam::DVec3::to_array).collect(),
     },
     Field {
         name: "temperature",
         unit: "energy",
         shape: |_| Vec::new(),
-        values: |row| row.temperature.clone(),
+        values: |cells| cells.temperature.clone(),
     },
     Field {
         name: "pressure",
         unit: "energy/length^d",
         shape: |d| vec![d, d],
-        values: |row| row.pressure.clone(),
+        values: |cells| cells.pressure.clone(),
     },
 ];
 
-/// Shapes of a row's fields, on a grid in d dimensions.
+/// What the names of the fields of species begin with.
+const OF_SPECIES: &str = "species_";
+
+/// Shapes of a row's fields, on a grid in d dimensions: of all particles, then of species, if it has any, with the
+/// species first.
 pub(crate) fn row_shapes(grid: &Grid, dimension: usize) -> Vec<Vec<usize>> {
     let cells = || grid.axes.iter().map(|axis| axis.bins);
-    FIELDS.iter().map(|field| cells().chain((field.shape)(dimension)).collect()).collect()
+    let of_all = FIELDS.iter().map(|field| cells().chain((field.shape)(dimension)).collect());
+    let species = grid.species.len();
+    let of_species = FIELDS.iter().filter(|_| species > 0).map(|field| {
+        std::iter::once(species).chain(cells()).chain((field.shape)(dimension)).collect::<Vec<usize>>()
+    });
+    of_all.chain(of_species).collect()
+}
+
+/// Names of the fields in the order of [`row_shapes`], with their fields.
+fn fields(of_species: bool) -> impl Iterator<Item = (String, &'static Field)> {
+    let of_all = FIELDS.iter().map(|field| (field.name.to_owned(), field));
+    let more = FIELDS.iter().filter(move |_| of_species);
+    of_all.chain(more.map(|field| (format!("{OF_SPECIES}{}", field.name), field)))
 }
 
 /// Rows of one profile.
@@ -87,14 +103,18 @@ impl Profile {
         group.new_attr::<u32>().create(INDEX)?.write_scalar(&(index as u32))?;
         let mut series = Vec::with_capacity(FIELDS.len());
         let mut clock = None;
-        for (field, width) in FIELDS.iter().zip(row_shapes(grid, dimension)) {
-            let element = group.create_group(field.name)?;
+        let has_species = !grid.species.is_empty();
+        if has_species {
+            write_species(&group, &grid.species)?;
+        }
+        for ((name, field), width) in fields(has_species).zip(row_shapes(grid, dimension)) {
+            let element = group.create_group(&name)?;
             write_text_attribute(&element, "unit", field.unit)?;
             let storage = Storage { chunk: chunk(&width), compressed: false };
             series.push(Series::create_real(&element, "value", &width, &storage)?);
             match &clock {
                 None => clock = Some(Clock::create(&element)?),
-                Some(_) => link_clock(&group, field.name)?,
+                Some(_) => link_clock(&group, &name)?,
             }
         }
         write_centers(&group, grid)?;
@@ -103,17 +123,21 @@ impl Profile {
     }
 
     fn open(group: &Group) -> hdf5::Result<Self> {
-        let open = |field: &Field| Series::open(group, &format!("{}/value", field.name));
+        let has_species = group.link_exists(&format!("{OF_SPECIES}{}", FIELDS[0].name));
+        let open = |(name, _): (String, &Field)| Series::open(group, &format!("{name}/value"));
         Ok(Self {
-            series: FIELDS.iter().map(open).collect::<hdf5::Result<_>>()?,
+            series: fields(has_species).map(open).collect::<hdf5::Result<_>>()?,
             clock: Clock::open(&group.group(FIELDS[0].name)?)?,
             pending: Vec::new(),
         })
     }
 
     fn append(&mut self, row: &ProfileRow) -> hdf5::Result<()> {
-        for (series, field) in self.series.iter_mut().zip(&FIELDS) {
-            series.append(&(field.values)(row))?;
+        let of_all = FIELDS.iter().map(|field| (field.values)(&row.all));
+        let of_species = FIELDS.iter().map(|field| row.species.iter().flat_map(field.values).collect());
+        // Files without species have fewer series.
+        for (series, values) in self.series.iter_mut().zip(of_all.chain(of_species)) {
+            series.append(&values)?;
         }
         self.pending.push((row.step as i64, row.time));
         Ok(())
@@ -147,6 +171,11 @@ impl Profile {
         self.clock.truncate(kept)?;
         self.series.iter_mut().try_for_each(|series| series.resize(kept))
     }
+}
+
+/// The species that a profile or a correlation has fields or curves of, as indices.
+fn write_species(group: &Group, species: &[u32]) -> hdf5::Result<()> {
+    group.new_attr_builder().with_data(species).create("species").map(drop)
 }
 
 /// The centers of the cells: `[bins]` for one axis, `[bins…][axes]` for several.
@@ -280,13 +309,20 @@ impl CorrelationTables {
         let create = |kind: &CorrelationKind| -> hdf5::Result<Columns> {
             let group = all.create_group(kind.name)?;
             write_text_attribute(&group, "unit", kind.unit)?;
+            let species = kind.species(measured);
+            let curves = if species.is_empty() { Vec::new() } else { vec![species.len()] };
+            if !species.is_empty() {
+                write_species(&group, species)?;
+            }
             let storage = Storage::plain(LAGS, &[]);
-            let real = |name: &str| Series::create_real(&group, name, &[], &storage);
+            let of_curves = |name: &str| {
+                Series::create_real(&group, name, &curves, &Storage::plain(LAGS, &curves))
+            };
             Ok(Columns {
                 name: kind.name,
-                lag: real("lag")?,
-                value: real("value")?,
-                error: real("error")?,
+                lag: Series::create_real(&group, "lag", &[], &storage)?,
+                value: of_curves("value")?,
+                error: of_curves("error")?,
                 count: Series::create::<i64>(&group, "count", &[], &storage)?,
             })
         };
@@ -302,11 +338,16 @@ impl CorrelationTables {
         let open = |kind: &CorrelationKind| -> hdf5::Result<Columns> {
             let group = all.group(kind.name)?;
             let column = |name: &str| Series::open(&group, name)?.expect(&[]);
+            let value = Series::open(&group, "value")?;
+            let error = Series::open(&group, "error")?.expect(value.shape())?;
+            if value.shape().len() > 1 {
+                return Err(format!("{} is no table of curves by lag", kind.name).into());
+            }
             Ok(Columns {
                 name: kind.name,
                 lag: column("lag")?,
-                value: column("value")?,
-                error: column("error")?,
+                value,
+                error,
                 count: column("count")?,
             })
         };

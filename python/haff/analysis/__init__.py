@@ -18,6 +18,7 @@ from .distributions import PairDistributions, pair_distributions
 from .energies import kinetic_energy, rotational_energy, rotational_temperature, temperature
 from .gaps import Gaps, close_gaps
 from .heights import HeightProfile, height_axis, height_profile
+from .mixing import Mixing, mixing
 from .overlaps import Overlap, max_overlap
 from .packings import (
     ContactNetwork,
@@ -47,6 +48,7 @@ __all__ = [
     "HeightProfile",
     "JammingFit",
     "Mean",
+    "Mixing",
     "Overlap",
     "PairDistributions",
     "RadialPorosity",
@@ -72,6 +74,7 @@ __all__ = [
     "kinetic_energy",
     "max_overlap",
     "mean",
+    "mixing",
     "pair_distributions",
     "radial_distribution",
     "radial_porosity",

@@ -241,7 +241,9 @@ def _drifting(file: Recording) -> str | None:
     V = float(np.linalg.norm([np.mean(p) for p in momenta])) / mass
     # Where momentum is not conserved, it fluctuates about 0.
     error = float(np.linalg.norm([np.std(p) for p in momenta])) / (mass * np.sqrt(len(momenta[0])))
-    drifts = (V * lag) ** 2 > CARRIED * np.interp(lag, msd["lag"], msd["value"]) and V > 4 * error
+    # The least of the curves of species.
+    values = msd["value"] if msd["value"].ndim == 1 else msd["value"].min(axis=1)
+    drifts = (V * lag) ** 2 > CARRIED * np.interp(lag, msd["lag"], values) and V > 4 * error
     return _if(bool(drifts), f"it moves with the velocity {V:.3g}")
 
 

@@ -11,6 +11,7 @@ from ..common import arguments
 from ..errors import NotApplicableError
 from ..files.layout import Array
 from .checked import checked
+from .species import Species, mobile
 
 if TYPE_CHECKING:
     from ..files.frames import Frame
@@ -48,40 +49,29 @@ def _energy(mass: Array, velocity: Array) -> float:
     return total
 
 
-def _require_species(frame: Frame, species: object) -> None:
-    if species is not None:
-        arguments.count("species", species, 0, int(frame.species.max(initial=0)))
-
-
 @checked
-def temperature(frame: Frame, species: int | None = None) -> float:
+def temperature(frame: Frame, species: Species | None = None) -> float:
     """T = Σ m|v − V|²/(dN) over bodies of finite mass [energy], with :attr:`Frame.thermal_velocity` for v − V.
 
-    V is the velocity of their center of mass along axes on which momentum is conserved, else 0. ``species`` restricts
-    the sum, not V.
+    V is the velocity of their center of mass along axes on which momentum is conserved, else 0. ``species``, a name or
+    an index, restricts the sum, not V.
     """
-    _require_species(frame, species)
-    mobile = np.isfinite(frame.mass)
-    if not mobile.any():
-        return float("nan")
-    mass, velocity = frame.mass[mobile], frame.thermal_velocity[mobile]
-    chosen = np.full(len(mass), True) if species is None else frame.species[mobile] == species
+    chosen = mobile(frame, species)
     if not chosen.any():
         return float("nan")
-    energy = np.sum(mass[chosen, None] * velocity[chosen] ** 2)
+    energy = np.sum(frame.mass[chosen, None] * frame.thermal_velocity[chosen] ** 2)
     return float(energy / (frame.box.dimension * chosen.sum()))
 
 
 @checked
-def rotational_temperature(frame: Frame, species: int | None = None) -> float:
+def rotational_temperature(frame: Frame, species: Species | None = None) -> float:
     """T_rot = Σ I ω²/(rN) over bodies of finite mass [energy], of r = 3 axes of rotation, 1 in two dimensions.
 
-    NaN without such bodies, or without spin. ``species`` restricts the sum.
+    NaN without such bodies, or without spin. ``species``, a name or an index, restricts the sum.
     """
-    _require_species(frame, species)
+    chosen = mobile(frame, species)
     if frame.inertia is None or frame.angular_velocity is None:
         return float("nan")
-    chosen = np.isfinite(frame.mass) if species is None else np.isfinite(frame.mass) & (frame.species == species)
     if not chosen.any():
         return float("nan")
     moment = (frame.inertia * frame.mass * frame.radius**2)[chosen]

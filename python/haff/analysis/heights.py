@@ -13,6 +13,7 @@ from ..errors import ArgumentError, NotApplicableError
 from ..files.layout import AXES, Array, computing
 from ..text import quoted
 from .checked import checked
+from .species import Species, mobile
 
 if TYPE_CHECKING:
     from ..files.box import Box
@@ -75,7 +76,11 @@ def height_axis(file: Recording) -> tuple[int, int]:
 
 @checked
 def height_profile(
-    frames: Iterable[Frame], bins: int, axis: str | None = None, limits: tuple[float, float] | None = None
+    frames: Iterable[Frame],
+    bins: int,
+    axis: str | None = None,
+    limits: tuple[float, float] | None = None,
+    species: Species | None = None,
 ) -> HeightProfile:
     """Number density, temperature and mean velocity in layers along an axis, averaged over frames.
 
@@ -90,6 +95,8 @@ def height_profile(
     limits
         Lowest and highest coordinate [length]; by default the box, along an open axis from its face or the lowest
         centers to the highest ones. Particles beyond are not counted.
+    species
+        Name or index of the species that is counted, and whose mean velocity is u; by default all.
 
     Bodies of infinite mass are not counted. In a sheared box velocities are relative to the flow.
 
@@ -106,15 +113,15 @@ def height_profile(
     box = chosen[0].box
     k = AXES.index(choice("axis", axis, AXES[: box.dimension])) if axis is not None else height_axis(chosen[0].file)[0]
     area = _area(box, k)
-    if not any(np.isfinite(frame.mass).any() for frame in chosen):
+    if not any(mobile(frame, species).any() for frame in chosen):
         raise NotApplicableError("no body of finite mass: there is no profile")
     low, high = _limits(chosen, k, limits)
     edges = np.linspace(low, high, bins + 1)
     layers = _Layers(bins, len(chosen))
     for row, frame in enumerate(chosen):
         with computing(frame.file.path, "height profile"):
-            mobile = np.isfinite(frame.mass)
-            layers.add(row, frame.mass[mobile], frame.position[mobile, k], frame.peculiar_velocity[mobile], edges)
+            of = mobile(frame, species)
+            layers.add(row, frame.mass[of], frame.position[of, k], frame.peculiar_velocity[of], edges)
     return layers.profile(AXES[k], edges, area * (edges[1] - edges[0]), box.dimension)
 
 

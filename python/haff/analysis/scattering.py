@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..common.arguments import MOST_ROWS, count, positive
-from ..errors import NotApplicableError
+from ..errors import ArgumentError, NotApplicableError
 from ..files.layout import Array, computing
+from ..text import quoted
 from .checked import checked
+from .species import Species, index_of
 
 if TYPE_CHECKING:
     from ..files.box import Box
@@ -44,7 +46,13 @@ class StaticStructure(NamedTuple):
 
 @checked
 def static_structure(
-    frames: Iterable[Frame], k_max: float, bins: int, *, most_waves: int = 200, seed: int = 0
+    frames: Iterable[Frame],
+    k_max: float,
+    bins: int,
+    *,
+    most_waves: int = 200,
+    seed: int = 0,
+    species: Species | tuple[Species, Species] | None = None,
 ) -> StaticStructure:
     """S(k) = ⟨|Σ exp(i **k**·**r**)|²⟩/N in two and three dimensions, averaged over shells of wave vectors and frames.
 
@@ -61,13 +69,16 @@ def static_structure(
         Wave vectors of a shell; a random sample of this size where there are more of them.
     seed
         Of that sample.
+    species
+        Name or index of the species whose particles are counted; or two of them for their partial structure factor
+        S_ab(k) = ⟨Re ρ_a(**k**) ρ_b(−**k**)⟩/√(N_a N_b) (Ashcroft and Langreth). By default all particles.
 
     Raises
     ------
     ArgumentError
-        An argument is not positive.
+        An argument is not positive, or there is no such species.
     NotApplicableError
-        The box is not periodic, no wave of it is as short as ``k_max``, or there are no frames.
+        A species has no particles, the box is not periodic, no wave of it is as short as ``k_max``, or there are no frames.
     """
     k_max, bins, most_waves = positive("k_max", k_max), count("bins", bins), count("most_waves", most_waves)
     seed = count("seed", seed, 0, MOST_ROWS)
@@ -87,7 +98,7 @@ def static_structure(
         length = np.linalg.norm(vectors(box, index), axis=1)
         shell = _shell(length, edges)
         with computing(frame.file.path, "S(k)"):
-            value = intensities(box, frame.position, index) / len(frame.position)
+            value = _partial(frame, index, species)
         waves = np.bincount(shell, minlength=bins)
         numbers += waves
         lengths += np.bincount(shell, length, bins)
@@ -128,6 +139,32 @@ def intensities(box: Box, position: Array, index: Array, *, single: bool = True)
 
     In single precision, after whole turns are taken off in double, a phase takes an eighth of the time.
     """
+    real, imaginary = _amplitudes(box, position, index, single)
+    return real**2 + imaginary**2
+
+
+def _partial(frame: Frame, index: Array, species: Species | tuple[Species, Species] | None) -> Array:
+    """``[W]`` the structure factor of the particles of a species, or of a pair of them."""
+    if species is None:
+        return intensities(frame.box, frame.position, index) / len(frame.position)
+    pair = species if isinstance(species, tuple | list) else (species, species)
+    if len(pair) != 2:
+        raise ArgumentError(f"species = {quoted(species)}: must be one species, or two of them")
+    sums, numbers = {}, []
+    for one in pair:
+        kind = index_of(frame, one)
+        of = frame.species == kind
+        if not of.any():
+            raise NotApplicableError(f"{frame.file.path}: there are no particles of species {quoted(one)}")
+        if kind not in sums:
+            sums[kind] = _amplitudes(frame.box, frame.position[of], index)
+        numbers.append((sums[kind], int(of.sum())))
+    (a, count_a), (b, count_b) = numbers
+    return (a[0] * b[0] + a[1] * b[1]) / np.sqrt(count_a * count_b)
+
+
+def _amplitudes(box: Box, position: Array, index: Array, single: bool = True) -> Array:
+    """``[2, W]`` real and imaginary part of Σ exp(i **k**·**r**)."""
     d = box.dimension
     place = (np.asarray(position, float)[:, :d] @ np.linalg.inv(box.edges[:d, :d])).T
     index = np.asarray(index, float)
@@ -142,7 +179,7 @@ def intensities(box: Box, position: Array, index: Array, *, single: bool = True)
             phase = turns.astype(np.float32) if single else turns
             for k, wave in enumerate((np.cos, np.sin)):
                 sums[k, start : start + _WAVES] += wave(phase).sum(axis=1, dtype=float)
-    return sums[0] ** 2 + sums[1] ** 2
+    return sums
 
 
 def _shell(length: Array, edges: Array) -> NDArray[np.intp]:

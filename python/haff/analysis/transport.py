@@ -10,7 +10,7 @@ import numpy as np
 from ..common.arguments import reals
 from ..errors import ArgumentError, MissingDataError, NotApplicableError
 from ..files.layout import AXES, Array
-from ..files.measure import correlation_columns
+from ..files.measure import correlation_columns, curves
 from ..text import quoted
 from . import conditions
 from .checked import checked
@@ -40,7 +40,9 @@ class Transport(NamedTuple):
 
 
 @checked
-def self_diffusion(file: Recording, start: float | None = None, end: float | None = None) -> Transport:
+def self_diffusion(
+    file: Recording, start: float | None = None, end: float | None = None, species: str | None = None
+) -> Transport:
     """D [length²/time] of ``measure.msd`` and ``measure.vacf``: slope/2d of ⟨|Δr|²⟩, and ∫⟨v(t)·v(0)⟩dt/d.
 
     ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
@@ -48,7 +50,10 @@ def self_diffusion(file: Recording, start: float | None = None, end: float | Non
 
     Raises :class:`NotApplicableError` unless the conditions of :data:`.conditions.DIFFUSION` hold: a periodic box,
     since walls bound displacements; a steady temperature and the same scene all the time, since correlations are means
-    over the whole run; and a center of mass that does not move on. Of a mixture it is the mean over the particles.
+    over the whole run; and a center of mass that does not move on.
+
+    ``species``: where ``measure.msd`` has curves of species, which of them; it can be left out if there is one. With
+    ``measure.msd = true`` it is the mean over the particles of all species.
 
     In a sheared box the displacements are those across the flow, and the slope is divided by 2(d − 1): the mean of the
     coefficients of the gradient and, in three dimensions, of the third axis. The autocorrelation is that of velocities
@@ -57,10 +62,29 @@ def self_diffusion(file: Recording, start: float | None = None, end: float | Non
     found, d = correlation_columns(file), file.dimension
     if "msd" not in found:
         raise MissingDataError(f"{file.path}: no mean square displacement (set measure.msd in the scene)")
+    msd = _curve(file, "msd", found["msd"], species)
     conditions.require(file, f"{file.path}: the coefficient of self-diffusion", conditions.DIFFUSION)
-    window = _window(file, found["msd"], (start, end), (20.0, 80.0))
+    vacf = None
+    if "vacf" in found:
+        # Of other particles it is another quantity.
+        same = list(found["vacf"].get("species", ())) == list(found["msd"].get("species", ()))
+        vacf = _curve(file, "vacf", found["vacf"], species) if same else None
+    window = _window(file, msd, (start, end), (20.0, 80.0))
     axes = d if file.shear is None else d - 1
-    return _transport(found["msd"], found.get("vacf"), window, 1 / axes, 1 / d)
+    return _transport(msd, vacf, window, 1 / axes, 1 / d)
+
+
+def _curve(file: Recording, name: str, columns: Mapping[str, Array], species: str | None) -> Mapping[str, Array]:
+    """The curve of a species, or the only one."""
+    known = curves(columns)
+    if species is None and len(known) == 1:
+        return next(iter(known.values()))
+    if species is None:
+        raise ArgumentError(f"{file.path}: {name} has curves of species: name one by species=…: {', '.join(known)}")
+    if species not in known or "" in known:
+        of = ", ".join(known) if "" not in known else f"none: set measure.{name} = {{ species = […] }} in the scene"
+        raise ArgumentError(f"species = {quoted(species)}: {file.path} has curves of {of}")
+    return known[species]
 
 
 @checked

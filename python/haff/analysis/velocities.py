@@ -12,35 +12,44 @@ from ..errors import NotApplicableError
 from ..files.layout import Array
 from .checked import checked
 from .energies import temperature
+from .species import Species, mobile
 
 if TYPE_CHECKING:
     from ..files.frames import Frame
 
 
 @checked
-def scaled_velocities(frame: Frame) -> Array:
+def scaled_velocities(frame: Frame, species: Species | None = None) -> Array:
     """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
 
-    v − V is :attr:`Frame.thermal_velocity`. Raises :class:`NotApplicableError` if there is no such body.
+    v − V is :attr:`Frame.thermal_velocity`. With a ``species``, a name or an index, of its bodies alone, and T is theirs.
+    Raises :class:`NotApplicableError` if there is no such body.
     """
-    mobile = np.isfinite(frame.mass)
-    if not mobile.any():
+    chosen = mobile(frame, species)
+    if not chosen.any():
         raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
-    mass, velocity = frame.mass[mobile], frame.thermal_velocity[mobile, : frame.box.dimension]
-    return velocity / np.sqrt(2 * temperature(frame) / mass)[:, None]
+    mass, velocity = frame.mass[chosen], frame.thermal_velocity[chosen, : frame.box.dimension]
+    return velocity / np.sqrt(2 * temperature(frame, species) / mass)[:, None]
 
 
 @checked
-def sonine_a2(frame: Frame) -> float:
-    """a₂ = d⟨v⁴⟩/[(d + 2)⟨v²⟩²] − 1 of the velocities v − V, each scaled by its own thermal speed."""
-    square = np.sum(scaled_velocities(frame) ** 2, axis=1)
+def sonine_a2(frame: Frame, species: Species | None = None) -> float:
+    """a₂ = d⟨v⁴⟩/[(d + 2)⟨v²⟩²] − 1 of the velocities v − V, each scaled by its own thermal speed.
+
+    ``species``: as for :func:`scaled_velocities`.
+    """
+    square = np.sum(scaled_velocities(frame, species) ** 2, axis=1)
     d = frame.box.dimension
     return float(d * np.mean(square**2) / ((d + 2) * np.mean(square) ** 2) - 1)
 
 
 @checked
-def velocity_histogram(frames: Iterable[Frame], bins: int = 61, reach: float = 5.0) -> tuple[Array, Array]:
+def velocity_histogram(
+    frames: Iterable[Frame], bins: int = 61, reach: float = 5.0, species: Species | None = None
+) -> tuple[Array, Array]:
     """Distribution of the components of scaled velocities (:func:`scaled_velocities`), averaged over frames.
+
+    With a ``species``, a name or an index, of its bodies alone.
 
     Returns the centres of the bins between -``reach`` and ``reach`` and the density. A Maxwell distribution gives the
     normal density with variance 1/2.
@@ -49,7 +58,7 @@ def velocity_histogram(frames: Iterable[Frame], bins: int = 61, reach: float = 5
     edges = np.linspace(-reach, reach, bins + 1)
     counts, total = np.zeros(bins), 0
     for frame in frames:
-        values = scaled_velocities(frame)[:, : frame.box.dimension].ravel()
+        values = scaled_velocities(frame, species)[:, : frame.box.dimension].ravel()
         counts += np.histogram(values, edges)[0]
         total += len(values)
     if total == 0:

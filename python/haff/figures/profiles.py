@@ -14,7 +14,7 @@ from ..errors import NotApplicableError
 from ..files.layout import AXES
 from ..files.measure import Rows, profile_rows
 from .facts import facts
-from .style import BLUE, CYCLE, RED, SPEED_MAP, headline, label
+from .style import BLACK, BLUE, CYCLE, RED, SPEED_MAP, headline, label
 
 if TYPE_CHECKING:
     from ..files.recording import Recording
@@ -59,10 +59,16 @@ def _lines(late: Rows, axis: str) -> Figure:
     figure = Figure(figsize=(6.4, 7.0), layout="constrained")
     density, temperature, pressure = figure.subplots(3, 1, sharex=True)
     x = late.centers[axis]
-    curve(density, x, late.fields["density"], BLUE, None)
+    every = "all" if late.species else None
+    curve(density, x, late.fields["density"], BLUE if not late.species else BLACK, every)
+    for k, (color, name) in enumerate(zip(CYCLE, late.species)):
+        curve(density, x, late.fields["species_density"][:, k], color, label(name))
+        curve(temperature, x, late.fields["species_temperature"][:, k], color, None)
+    if late.species:
+        density.legend(ncols=4)
     density.set_ylabel("number density $n$  [1/length$^d$]")
     density.set_ylim(bottom=0)
-    curve(temperature, x, late.fields["temperature"], RED, None)
+    curve(temperature, x, late.fields["temperature"], RED if not late.species else BLACK, None)
     temperature.set_ylabel("temperature $T$  [energy]")
     temperature.set_ylim(bottom=0)
     tensor = late.fields["pressure"]

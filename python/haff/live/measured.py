@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..errors import ArgumentError
 from ..files import measure
@@ -67,10 +70,18 @@ class Measured:
         found = {}
         for name, columns in self._core.take_profiles().items():
             time, centers = columns.pop("time"), columns.pop("centers")
-            found[name] = measure.profile(time, centers, columns)
+            found[name] = measure.profile(time, centers, columns, self._named(columns.pop("species", ())))
         return found
 
     @property
     def correlations(self) -> dict[str, xarray.Dataset]:
         """The correlations in time of ``[measure]`` so far, as :attr:`haff.File.correlations`."""
-        return {name: measure.correlation(name, columns) for name, columns in self._core.correlations().items()}
+        found = self._core.correlations()
+        for columns in found.values():
+            if "species" in columns:
+                columns["species"] = np.array(self._named(columns["species"]), dtype=object)
+        return {name: measure.correlation(name, columns) for name, columns in found.items()}
+
+    def _named(self, species: Iterable[int]) -> list[str]:
+        """Names of species by their indices."""
+        return [self._core.species_names[k] for k in species]

@@ -2,7 +2,10 @@
 //! transport follow by the relations of Einstein and of Green and Kubo.
 
 use crate::{
-    model::{System, measure::Correlations},
+    model::{
+        System,
+        measure::{Correlations, Followed},
+    },
     numerics::{
         error::EngineError,
         sum::Sum,
@@ -21,12 +24,44 @@ use super::{
 
 pub(crate) struct Correlator {
     plan: Correlations,
-    tracers: Vec<u32>,
     /// Number of states taken so far after the initial one.
     taken: u64,
-    msd: Option<MultipleTau>,
-    vacf: Option<MultipleTau>,
+    msd: Vec<Curve>,
+    vacf: Vec<Curve>,
     stress: Option<StressCorrelation>,
+}
+
+/// A correlation over some particles.
+struct Curve {
+    tracers: Vec<u32>,
+    correlation: MultipleTau,
+}
+
+impl Curve {
+    /// The curves of what is followed: their tracers are bodies of finite mass.
+    fn all(followed: &Followed, operation: Operation, tracers: usize, system: &System, world: &World) -> Vec<Self> {
+        let of = |species: Option<u32>| {
+            let is_followed = |&i: &u32| {
+                let is_of = species.is_none_or(|species| system.bodies[world.id(i) as usize].species == species);
+                is_of && world.body(i).inverse_mass != 0.0
+            };
+            let movable: Vec<u32> = (0..world.particles.len() as u32).filter(is_followed).collect();
+            let count = movable.len().min(tracers);
+            let tracers: Vec<u32> = (0..count).map(|k| movable[k * movable.len() / count]).collect();
+            let correlation = MultipleTau::new(operation, 3 * tracers.len(), tracers.len() as f64);
+            Self { tracers, correlation }
+        };
+        match followed {
+            Followed::Nothing => Vec::new(),
+            Followed::All => vec![of(None)],
+            Followed::Species(species) => species.iter().map(|&species| of(Some(species))).collect(),
+        }
+    }
+
+    /// Adds a state.
+    fn add(&mut self, of_particle: impl Fn(u32) -> [f64; 3]) {
+        self.correlation.add(self.tracers.iter().flat_map(|&i| of_particle(i)).collect());
+    }
 }
 
 /// The autocorrelation of the components of a pressure tensor that vanish on average in an isotropic system.
@@ -54,20 +89,14 @@ fn traceless(tensor: &Tensor, dimension: usize) -> Vec<f64> {
 
 impl Correlator {
     pub fn new(system: &System, state: &State) -> Self {
-        let plan = system.measure.correlations;
-        let movable = |&i: &u32| state.world.body(i).inverse_mass != 0.0;
-        let movable: Vec<u32> = (0..state.world.particles.len() as u32).filter(movable).collect();
-        let count = movable.len().min(plan.tracers);
-        let tracers: Vec<u32> = (0..count).map(|k| movable[k * movable.len() / count]).collect();
-        let (width, divisor) = (3 * tracers.len(), tracers.len() as f64);
-        let tau = |operation| MultipleTau::new(operation, width, divisor);
+        let plan = system.measure.correlations.clone();
+        let curves = |followed, operation| Curve::all(followed, operation, plan.tracers, system, &state.world);
         let mut correlator = Self {
-            plan,
             taken: 0,
-            msd: plan.msd.then(|| tau(Operation::SquareDifference)),
-            vacf: plan.vacf.then(|| tau(Operation::Product)),
+            msd: curves(&plan.msd, Operation::SquareDifference),
+            vacf: curves(&plan.vacf, Operation::Product),
             stress: plan.stress.then(|| StressCorrelation::new(system, state)),
-            tracers,
+            plan,
         };
         correlator.add_particles(state);
         correlator
@@ -76,28 +105,24 @@ impl Correlator {
     /// Adds the present positions and velocities.
     fn add_particles(&mut self, state: &State) {
         let world = &state.world;
-        if let Some(msd) = &mut self.msd {
-            let unwrapped = |&i: &u32| {
-                let [x, y, z] = world.images[i as usize].map(f64::from);
-                let image = glam::DVec3::new(x, y, z) * world.periodicity(world.now).size;
-                let mut position = world.state(i, world.now).0 + image;
-                match &world.boundary.deformation {
-                    Some(Deformation { sliding: Some(shear), .. }) => {
-                        // Only across the flow are displacements those of diffusion.
-                        position[shear.flow] = 0.0;
-                    }
-                    // Relative to the flow.
-                    Some(images) => position = images.unstretched(position, world.clock.instant(world.now)),
-                    None => {}
+        let unwrapped = |i: u32| {
+            let [x, y, z] = world.images[i as usize].map(f64::from);
+            let image = glam::DVec3::new(x, y, z) * world.periodicity(world.now).size;
+            let mut position = world.state(i, world.now).0 + image;
+            match &world.boundary.deformation {
+                Some(Deformation { sliding: Some(shear), .. }) => {
+                    // Only across the flow are displacements those of diffusion.
+                    position[shear.flow] = 0.0;
                 }
-                position.to_array()
-            };
-            msd.add(self.tracers.iter().flat_map(unwrapped).collect());
-        }
-        if let Some(vacf) = &mut self.vacf {
-            let velocity = |&i: &u32| world.peculiar(i, world.now).1.to_array();
-            vacf.add(self.tracers.iter().flat_map(velocity).collect());
-        }
+                // Relative to the flow.
+                Some(images) => position = images.unstretched(position, world.clock.instant(world.now)),
+                None => {}
+            }
+            position.to_array()
+        };
+        self.msd.iter_mut().for_each(|curve| curve.add(unwrapped));
+        let velocity = |i: u32| world.peculiar(i, world.now).1.to_array();
+        self.vacf.iter_mut().for_each(|curve| curve.add(velocity));
     }
 
     /// Time of state number `k`.
@@ -166,30 +191,38 @@ impl Measurement for Correlator {
     }
 
     fn correlations(&self) -> Vec<Correlation> {
+        let of_curves =
+            |curves: &'_ [Curve]| -> Vec<_> { curves.iter().map(|curve| curve.correlation.lags()).collect() };
+        let stress = self.stress.as_ref();
         let all = [
-            self.msd.as_ref(),
-            self.vacf.as_ref(),
-            self.stress.as_ref().map(|stress| &stress.stress),
-            self.stress.as_ref().map(|stress| &stress.helfand),
+            of_curves(&self.msd),
+            of_curves(&self.vacf),
+            stress.iter().map(|stress| stress.stress.lags()).collect(),
+            stress.iter().map(|stress| stress.helfand.lags()).collect(),
         ];
         let mut found = Vec::new();
-        for (kind, correlation) in CORRELATIONS.iter().zip(all) {
-            let Some(correlation) = correlation else { continue };
-            let lags = correlation.lags();
-            found.push(Correlation {
+        for (kind, curves) in CORRELATIONS.iter().zip(all) {
+            // All curves have the same lags, and as many pairs of states.
+            let Some(first) = curves.first() else { continue };
+            let mut correlation = Correlation {
                 name: kind.name,
-                lag: lags.iter().map(|lag| self.time(lag.steps)).collect(),
-                value: lags.iter().map(|lag| lag.value).collect(),
-                error: lags.iter().map(|lag| lag.error).collect(),
-                count: lags.iter().map(|lag| lag.count).collect(),
-            });
+                species: kind.species(&self.plan).to_vec(),
+                lag: first.iter().map(|lag| self.time(lag.steps)).collect(),
+                count: first.iter().map(|lag| lag.count).collect(),
+                ..Correlation::default()
+            };
+            for k in 0..first.len() {
+                correlation.value.extend(curves.iter().map(|lags| lags[k].value));
+                correlation.error.extend(curves.iter().map(|lags| lags[k].error));
+            }
+            found.push(correlation);
         }
         found
     }
 
     fn save(&self, words: &mut Vec<u64>) {
         words.push(self.taken);
-        self.msd.iter().chain(&self.vacf).for_each(|correlation| correlation.save(words));
+        self.msd.iter().chain(&self.vacf).for_each(|curve| curve.correlation.save(words));
         if let Some(stress) = &self.stress {
             stress.sums.save(words);
             put_sums(words, &stress.integral);
@@ -209,8 +242,8 @@ impl Measurement for Correlator {
                 self.taken
             )));
         }
-        for correlation in self.msd.iter_mut().chain(&mut self.vacf) {
-            correlation.load(words)?;
+        for curve in self.msd.iter_mut().chain(&mut self.vacf) {
+            curve.correlation.load(words)?;
         }
         if let Some(stress) = &mut self.stress {
             stress.sums.load(words)?;

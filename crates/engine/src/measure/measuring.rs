@@ -28,7 +28,7 @@ pub(crate) fn measurements(system: &System, state: &State) -> Vec<Box<dyn Measur
         measurements.push(Box::new(stress::Stress::new(system, &state.world)));
     }
     for (index, grid) in measure.profiles.iter().enumerate() {
-        measurements.push(Box::new(profiles::Profile::new(system, index, grid)));
+        measurements.push(Box::new(profiles::Profile::new(system, index, grid, &state.world)));
     }
     if measure.correlations.any() {
         measurements.push(Box::new(correlations::Correlator::new(system, state)));

@@ -7,6 +7,9 @@
 //! inside, for all contacts of the interval. So the sums over all cells are those of the system. Under shear
 //! velocities are relative to the flow at each particle; the velocity of a cell has that of its middle added.
 //!
+//! Fields of species add up to those of all particles: their temperatures and pressures are relative to the
+//! velocity of all particles in the cell, and of what a contact transfers each of the two bodies has half.
+//!
 //! The states of an interval are taken at times that are spread over it at random, one in each part of equal
 //! length. At equal times all of them have the same phase of a wall that oscillates, or of a drive, whose
 //! period divides the time between them, and the mean is that of this phase: grains that rise and fall with a
@@ -24,7 +27,7 @@ use crate::{
         tensor::{Tensor, product},
         words::{Words, fault, put_sums},
     },
-    report::{Exchange, Observer, Partner, ProfileRow},
+    report::{CellFields, Exchange, Observer, Partner, ProfileRow},
     state::{State, deformation::Deformation, sliding_images::SlidingImages, world::World},
 };
 
@@ -55,13 +58,38 @@ pub(crate) struct Profile {
     /// Of the random times.
     seed: u64,
     sums: Vec<[Sum; FIELDS]>,
+    /// Of species: [`Self::sums`] has the cells of all particles, then those of each species of the grid.
+    species: Option<BySpecies>,
     /// Where a contact leaves cells, as fractions of the line between the centers.
     faces: Vec<f64>,
     images: Option<Deformation>,
 }
 
+/// The place of particles among the species of a grid.
+struct BySpecies {
+    /// By id; `None` if the particle is of another species.
+    of_id: Vec<Option<usize>>,
+    /// By index in the world.
+    of_index: Vec<Option<usize>>,
+}
+
+impl BySpecies {
+    fn of(system: &System, grid: &Grid, world: &World) -> Option<Self> {
+        let place = |species: u32| grid.species.iter().position(|&other| other == species);
+        let of_id = || system.bodies.iter().map(|body| place(body.species)).collect();
+        (!grid.species.is_empty()).then(|| Self { of_id: of_id(), of_index: Vec::new() }.of_world(world))
+    }
+
+    /// The same for the particles of another world.
+    fn of_world(mut self, world: &World) -> Self {
+        self.of_index =
+            (0..world.particles.len() as u32).map(|i| self.of_id[world.id(i) as usize]).collect();
+        self
+    }
+}
+
 impl Profile {
-    pub fn new(system: &System, index: usize, grid: &Grid) -> Self {
+    pub fn new(system: &System, index: usize, grid: &Grid, world: &World) -> Self {
         let periodic = crate::state::periodicity::Periodicity::of(&system.domain).is_periodic;
         let dimension = system.dimension.count();
         let width = |axis: usize| match grid.axes.iter().find(|of_grid| of_grid.axis == axis) {
@@ -77,7 +105,8 @@ impl Profile {
             taken: 0,
             rows: 0,
             seed: system.seed,
-            sums: vec![[Sum::default(); FIELDS]; grid.cells()],
+            sums: vec![[Sum::default(); FIELDS]; grid.cells() * (1 + grid.species.len())],
+            species: BySpecies::of(system, grid, world),
             faces: Vec::new(),
             images: Deformation::of(system),
             grid: grid.clone(),
@@ -106,8 +135,16 @@ impl Profile {
         Some(cell)
     }
 
-    /// Adds a transfer at `time` from `start` along `branch`, to each cell its part of the line.
-    fn transfer(&mut self, time: f64, start: DVec3, branch: DVec3, virial: Tensor) {
+    /// Adds a transfer at `time` from `start` along `branch`, to each cell its part of the line; `shares` are the
+    /// places of the bodies that change, each of which has the same share of it.
+    fn transfer(
+        &mut self,
+        time: f64,
+        [start, branch]: [DVec3; 2],
+        virial: Tensor,
+        shares: &[Option<usize>],
+    ) {
+        let share = 1.0 / shares.len() as f64;
         let mut faces = std::mem::take(&mut self.faces);
         faces.clear();
         for axis in &self.grid.axes {
@@ -131,6 +168,13 @@ impl Profile {
             {
                 for (sum, term) in self.sums[cell][VIRIAL..].iter_mut().zip(virial) {
                     sum.add(part * term);
+                }
+                let cells = self.grid.cells();
+                for place in shares.iter().copied().flatten() {
+                    let sums = &mut self.sums[(1 + place) * cells + cell][VIRIAL..];
+                    for (sum, term) in sums.iter_mut().zip(virial) {
+                        sum.add(share * part * term);
+                    }
                 }
             }
             left = right;
@@ -180,48 +224,74 @@ impl Profile {
                 position = images.unstretched(position, world.clock.instant(world.now));
             }
             let Some(cell) = self.cell(position) else { continue };
-            let sums = &mut self.sums[cell];
             let momentum = class.mass * velocity;
-            sums[COUNT].add(1.0);
-            sums[MASS].add(class.mass);
-            for (sum, term) in sums[MOMENTUM..].iter_mut().zip(momentum.to_array()) {
-                sum.add(term);
-            }
-            for (sum, term) in sums[KINETIC..].iter_mut().zip(product(momentum, velocity)) {
-                sum.add(term);
+            let place = self.species.as_ref().and_then(|species| species.of_index[i as usize]);
+            let of_species = place.map(|place| (1 + place) * self.grid.cells() + cell);
+            for cell in [Some(cell), of_species].into_iter().flatten() {
+                let sums = &mut self.sums[cell];
+                sums[COUNT].add(1.0);
+                sums[MASS].add(class.mass);
+                for (sum, term) in sums[MOMENTUM..].iter_mut().zip(momentum.to_array()) {
+                    sum.add(term);
+                }
+                for (sum, term) in sums[KINETIC..].iter_mut().zip(product(momentum, velocity)) {
+                    sum.add(term);
+                }
             }
         }
     }
 
     /// The row of the interval that ends at `time`. Starts the next interval.
     fn row(&mut self, time: f64) -> ProfileRow {
+        let cells = self.grid.cells();
+        let flows: Vec<DVec3> = (0..cells).map(|cell| self.flow(cell)).collect();
+        let mut all = CellFields::default();
+        let mut species = vec![CellFields::default(); self.grid.species.len()];
+        for (cell, sheared) in flows.into_iter().enumerate() {
+            let u = self.add_cell(cell, None, sheared, &mut all);
+            for (place, fields) in species.iter_mut().enumerate() {
+                self.add_cell((1 + place) * cells + cell, Some(u), sheared, fields);
+            }
+        }
+        self.sums.fill([Sum::default(); FIELDS]);
+        ProfileRow { profile: self.index, time, step: 0, all, species }
+    }
+
+    /// Adds the fields of a cell; those of a species are relative to the velocity `u` of all particles in it.
+    /// `sheared` is the velocity of the flow. Returns the velocity of the particles.
+    fn add_cell(&self, cell: usize, u: Option<DVec3>, sheared: DVec3, fields: &mut CellFields) -> DVec3 {
         let d = self.dimension;
         let (states, span) = (self.grid.samples as f64, self.grid.interval);
-        let mut row = ProfileRow { profile: self.index, time, ..ProfileRow::default() };
-        let flows: Vec<DVec3> = (0..self.sums.len()).map(|cell| self.flow(cell)).collect();
-        for (sums, sheared) in self.sums.iter_mut().zip(flows) {
-            let of = |k: usize| sums[k].value() / states;
-            let mass = of(MASS);
-            let momentum = DVec3::new(of(MOMENTUM), of(MOMENTUM + 1), of(MOMENTUM + 2));
-            // NaN in an empty cell.
-            let velocity = momentum / mass;
-            let flow = if mass > 0.0 { product(momentum, velocity) } else { [0.0; 9] };
-            row.density.push(of(COUNT) / self.volume);
-            row.mass_density.push(mass / self.volume);
-            row.velocity.push(velocity + sheared);
-            let mut thermal = 0.0;
-            for k in (0..9).filter(|k| k / 3 < d && k % 3 < d) {
-                let kinetic = of(KINETIC + k) - flow[k];
-                if k % 4 == 0 {
-                    thermal += kinetic;
-                }
-                let virial = sums[VIRIAL + k].value() / span;
-                row.pressure.push((kinetic + virial) / self.volume);
+        let sums = &self.sums[cell];
+        let of = |k: usize| sums[k].value() / states;
+        let mass = of(MASS);
+        let momentum = DVec3::new(of(MOMENTUM), of(MOMENTUM + 1), of(MOMENTUM + 2));
+        // NaN in an empty cell.
+        let velocity = momentum / mass;
+        // Σ m v ⊗ v less this is Σ m (v − u) ⊗ (v − u).
+        let flow = match u {
+            _ if mass == 0.0 => [0.0; 9],
+            None => product(momentum, velocity),
+            Some(u) => {
+                let (first, second, third) =
+                    (product(momentum, u), product(u, momentum), product(mass * u, u));
+                std::array::from_fn(|k| first[k] + second[k] - third[k])
             }
-            row.temperature.push(thermal / (d as f64 * of(COUNT)));
-            *sums = [Sum::default(); FIELDS];
+        };
+        fields.density.push(of(COUNT) / self.volume);
+        fields.mass_density.push(mass / self.volume);
+        fields.velocity.push(velocity + sheared);
+        let mut thermal = 0.0;
+        for k in (0..9).filter(|k| k / 3 < d && k % 3 < d) {
+            let kinetic = of(KINETIC + k) - flow[k];
+            if k % 4 == 0 {
+                thermal += kinetic;
+            }
+            let virial = sums[VIRIAL + k].value() / span;
+            fields.pressure.push((kinetic + virial) / self.volume);
         }
-        row
+        fields.temperature.push(thermal / (d as f64 * of(COUNT)));
+        velocity
     }
 
     /// Time of state number `k` \[time\], from 0: multiples of the interval are exact.
@@ -258,8 +328,19 @@ impl Measurement for Profile {
             (exchange.partner, exchange.changes.first())
         {
             let impulse = -change.mass * (change.after - change.before);
-            self.transfer(exchange.time, position, branch, product(branch, impulse));
+            let mut shares = [None; 2];
+            if let Some(species) = &self.species {
+                for (share, change) in shares.iter_mut().zip(exchange.changes) {
+                    *share = species.of_index[change.i as usize];
+                }
+            }
+            let shares = &shares[..exchange.changes.len().min(2)];
+            self.transfer(exchange.time, [position, branch], product(branch, impulse), shares);
         }
+    }
+
+    fn replace(&mut self, world: &World, _time: f64) {
+        self.species = self.species.take().map(|species| species.of_world(world));
     }
 
     fn next(&self, state: &State) -> i64 {

@@ -52,6 +52,8 @@ pub struct Grid {
     /// Whether the states are taken at random times, one in each part of the interval; otherwise at equal
     /// times, the last one at the end of the interval.
     pub spread: bool,
+    /// Species that have fields of their own beside those of all particles.
+    pub species: Vec<u32>,
 }
 
 impl Grid {
@@ -66,25 +68,58 @@ impl Grid {
     }
 }
 
+/// Whose displacements or velocities are followed.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Followed {
+    /// Of no particle.
+    #[default]
+    Nothing,
+    /// Of all particles together.
+    All,
+    /// Of each of these species, with a curve of its own.
+    Species(Vec<u32>),
+}
+
+impl Followed {
+    /// Whether anything is followed.
+    pub fn any(&self) -> bool {
+        *self != Self::Nothing
+    }
+
+    /// Number of curves.
+    pub fn curves(&self) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::All => 1,
+            Self::Species(species) => species.len(),
+        }
+    }
+
+    /// The species of the curves; none if they are not of species.
+    pub fn species(&self) -> &[u32] {
+        if let Self::Species(species) = self { species } else { &[] }
+    }
+}
+
 /// Which correlations to measure.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Correlations {
     /// Mean square displacement.
-    pub msd: bool,
+    pub msd: Followed,
     /// Autocorrelation of velocities.
-    pub vacf: bool,
+    pub vacf: Followed,
     /// Autocorrelation of the pressure tensor, and the mean square of its integral.
     pub stress: bool,
     /// Time between states: the shortest lag \[time\].
     pub interval: f64,
-    /// Largest number of particles whose displacements and velocities are followed; of more, this many are
-    /// chosen at equal distances in their order.
+    /// Largest number of particles whose displacements and velocities are followed in each curve; of more, this
+    /// many are chosen at equal distances in their order.
     pub tracers: usize,
 }
 
 impl Correlations {
     /// Whether anything is measured.
     pub fn any(&self) -> bool {
-        self.msd || self.vacf || self.stress
+        self.msd.any() || self.vacf.any() || self.stress
     }
 }

@@ -52,7 +52,7 @@ pub use conserved::{common_velocity, conserved_momentum};
 pub use drive::{Drive, DriveKind, KickTimes};
 pub use exchange::{Exchange, Partner, VelocityChange};
 pub use flow::{Cuboid, Flow, Inlet, Outlet, Supply};
-pub use measure::{Correlations, Grid, GridAxis, Measure};
+pub use measure::{Correlations, Followed, Grid, GridAxis, Measure};
 pub use particles::{DrivenParticles, Particles};
 pub use piston::Piston;
 pub use probe::{Column, NamedProbe, Probe};

@@ -15,23 +15,37 @@ pub struct CorrelationKind {
 
 /// All correlations, in the order of [`Correlation`]s.
 pub const CORRELATIONS: [CorrelationKind; 4] = [
-    CorrelationKind { name: "msd", unit: "length^2", exists: |c| c.msd },
-    CorrelationKind { name: "vacf", unit: "length^2/time^2", exists: |c| c.vacf },
+    CorrelationKind { name: "msd", unit: "length^2", exists: |c| c.msd.any() },
+    CorrelationKind { name: "vacf", unit: "length^2/time^2", exists: |c| c.vacf.any() },
     CorrelationKind { name: "stress", unit: "energy^2/length^2d", exists: |c| c.stress },
     CorrelationKind { name: "helfand", unit: "energy^2 time^2/length^2d", exists: |c| c.stress },
 ];
+
+impl CorrelationKind {
+    /// The species of its curves, as indices; empty for one curve that is not of a species.
+    pub fn species<'a>(&self, measured: &'a Correlations) -> &'a [u32] {
+        match self.name {
+            "msd" => measured.msd.species(),
+            "vacf" => measured.vacf.species(),
+            _ => &[],
+        }
+    }
+}
 
 /// A correlation so far.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Correlation {
     /// Name as in [`CORRELATIONS`].
     pub name: &'static str,
+    /// The species of its curves, as indices; empty for one curve that is not of a species.
+    pub species: Vec<u32>,
     /// Lags, in ascending order \[time\].
     pub lag: Vec<f64>,
-    /// Value by lag: ⟨|r(t) − r(0)|²⟩, ⟨v(t)·v(0)⟩, ⟨P_xy(t) P_xy(0)⟩ or ⟨(∫P_xy dt)²⟩.
+    /// Value by lag: ⟨|r(t) − r(0)|²⟩, ⟨v(t)·v(0)⟩, ⟨P_xy(t) P_xy(0)⟩ or ⟨(∫P_xy dt)²⟩. With several
+    /// curves one number for each of them at each lag, and so are the errors.
     pub value: Vec<f64>,
     /// Standard error of the value; NaN from less than eight pairs of states.
     pub error: Vec<f64>,
-    /// Number of pairs of states.
+    /// Number of pairs of states by lag.
     pub count: Vec<u64>,
 }

@@ -37,7 +37,7 @@ pub(crate) use event::row;
 pub use event::{EventColumn, EventKind, EventRecord, NO_PARTNER};
 pub use mean::Mean;
 pub(crate) use observer::with_ids;
-pub use observer::{Observer, ProfileRow, Silent};
+pub use observer::{CellFields, Observer, ProfileRow, Silent};
 pub use sample::{BlockCounts, Counters, Frame, Sample, Stop};
 
 pub use ledger::{LARGEST_RESIDUAL, Ledger, Term, residual_warning};

@@ -21,7 +21,7 @@ pub trait Observer {
 }
 
 /// One row of a profile, with values by cell of its [`Grid`](crate::Grid): means over the interval that ends
-/// at its time.
+/// at its time. It dereferences to the fields of all particles.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ProfileRow {
     /// Index of the profile.
@@ -30,15 +30,34 @@ pub struct ProfileRow {
     pub time: f64,
     /// Collisions + wall collisions so far.
     pub step: u64,
+    /// Of all particles.
+    pub all: CellFields,
+    /// Of each species of the grid. Densities, pressures and number densities times temperatures of all species
+    /// of a scene add up to those of all particles.
+    pub species: Vec<CellFields>,
+}
+
+impl std::ops::Deref for ProfileRow {
+    type Target = CellFields;
+
+    fn deref(&self) -> &CellFields {
+        &self.all
+    }
+}
+
+/// The fields of a row of a profile, by cell. u is the velocity of all particles in the cell.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CellFields {
     /// Number density [1/length^d].
     pub density: Vec<f64>,
     /// Mass density [mass/length^d].
     pub mass_density: Vec<f64>,
     /// Momentum by mass [length/time]; NaN in an empty cell.
     pub velocity: Vec<DVec3>,
-    /// Σ m|v − u|²/(d N), with the velocity u of the cell \[energy\]; NaN in an empty cell.
+    /// Σ m|v − u|²/(d N) \[energy\]; NaN in an empty cell.
     pub temperature: Vec<f64>,
-    /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d].
+    /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d]. Of a contact of two species each has
+    /// half.
     pub pressure: Vec<f64>,
 }
 

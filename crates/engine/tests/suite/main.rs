@@ -30,6 +30,7 @@ mod rounding;
 mod searches;
 mod shapes;
 mod shear;
+mod species;
 mod thermal_walls;
 mod unsafe_code;
 mod wall_changes;

@@ -23,11 +23,11 @@ fn start(system: &System) -> Simulation {
 fn grid(system: &System, axes: &[(usize, usize)], interval: f64, samples: u64) -> Grid {
     let axis =
         |&(axis, bins): &(usize, usize)| GridAxis { axis, low: 0.0, high: system.domain.size[axis], bins };
-    Grid { axes: axes.iter().map(axis).collect(), interval, samples, spread: false }
+    Grid { axes: axes.iter().map(axis).collect(), interval, samples, spread: false, species: Vec::new() }
 }
 
 fn correlate(interval: f64) -> Correlations {
-    Correlations { msd: true, vacf: true, stress: true, interval, tracers: usize::MAX }
+    Correlations { msd: haff_engine::Followed::All, vacf: haff_engine::Followed::All, stress: true, interval, tracers: usize::MAX }
 }
 
 fn trace(tensor: [f64; 9]) -> f64 {

@@ -17,7 +17,7 @@ fn until(time: f64) -> Until {
 
 fn grid(system: &System, bins: usize, interval: f64, samples: u64, spread: bool) -> Grid {
     let axis = GridAxis { axis: 2, low: 0.0, high: system.domain.size.z, bins };
-    Grid { axes: vec![axis], interval, samples, spread }
+    Grid { axes: vec![axis], interval, samples, spread, species: Vec::new() }
 }
 
 fn rows(system: &System, options: Options, end: f64) -> Vec<ProfileRow> {

@@ -3,7 +3,7 @@
 use std::fs;
 
 use glam::DVec3;
-use haff_engine::{EventColumn, EventKind, EventRecord, Frame, Term};
+use haff_engine::{CellFields, EventColumn, EventKind, EventRecord, Frame, Term};
 use haff_record::{EVENT_CHUNK, Header, RecordError, Recorder, info, last_state};
 use hdf5::{File, H5Type, filters::Filter};
 use tempfile::TempDir;
@@ -69,6 +69,17 @@ fn check_measured(file: &File, rows: u64) {
         assert!(column::<f64>(file, &value("pressure")) == pressures, "{name}: pressures differ");
         let temperatures: Vec<f64> = expected.iter().flat_map(|row| row.temperature.clone()).collect();
         assert!(column::<f64>(file, &value("temperature")) == temperatures, "{name}: temperatures differ");
+        if profile == 1 {
+            assert_eq!(shape(file, &value("species_pressure")), [&[rows as usize, 2][..], &bins, &[d, d]].concat());
+            assert_eq!(shape(file, &value("species_density")), [&[rows as usize, 2][..], &bins].concat());
+            let of_species = |field: fn(&CellFields) -> &Vec<f64>| -> Vec<f64> {
+                expected.iter().flat_map(|row| row.species.iter().flat_map(field)).copied().collect()
+            };
+            assert!(column::<f64>(file, &value("species_pressure")) == of_species(|fields| &fields.pressure));
+            assert!(column::<f64>(file, &value("species_density")) == of_species(|fields| &fields.density));
+            let species = file.group("profiles/xy").unwrap().attr("species").unwrap().read_raw::<u32>().unwrap();
+            assert_eq!(species, [0, 1]);
+        }
         let times: Vec<f64> = expected.iter().map(|row| row.time).collect();
         for element in ["density", "pressure", "position"] {
             assert_eq!(column::<f64>(file, &format!("profiles/{name}/{element}/time")), times);
@@ -80,6 +91,7 @@ fn check_measured(file: &File, rows: u64) {
     assert_eq!(centers[..6], [0.5, 0.5, 0.5, 1.5, 1.5, 0.5]);
     let expected = correlation((rows - 1) % 30);
     assert_eq!(column::<f64>(file, "correlations/msd/value"), expected.value);
+    assert_eq!(shape(file, "correlations/msd/error"), [expected.lag.len(), 2]);
     assert_eq!(column::<i64>(file, "correlations/msd/count").len(), expected.count.len());
 }
 

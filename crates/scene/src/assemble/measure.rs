@@ -3,14 +3,17 @@
 use std::sync::Arc;
 
 use haff_engine::{
-    Boundary, Correlations, Grid, GridAxis, Measure, NamedProbe, SceneFeatures, System, observables,
+    Boundary, Correlations, Followed, Grid, GridAxis, Measure, NamedProbe, SceneFeatures, System, observables,
 };
 
 use super::Assembler;
+use super::names::among;
 use super::plan::MAX_RECORDS;
 use super::values::{at, item, positive};
 use crate::config::document::Path;
-use crate::config::{BinsConfig, MeasureConfig, ProbeConfig, ProfileConfig};
+use crate::config::{
+    BinsConfig, FollowedConfig, FollowedSpeciesConfig, MeasureConfig, ProbeConfig, ProfileConfig, SpeciesChoice,
+};
 use crate::model::scene::{OutputPlan, RunPlan, Schedule};
 use crate::plugins::{make_probe, probe_names};
 
@@ -35,11 +38,15 @@ impl Assembler<'_> {
     pub(super) fn measure_shape(&mut self) {
         let Some(measure) = self.config.measure.clone() else { return };
         let on = |flag: Option<bool>| flag == Some(true);
+        let follows = |followed: &Option<FollowedConfig>| {
+            !matches!(followed, None | Some(FollowedConfig::All(false)))
+        };
+        let (msd, vacf) = (follows(&measure.msd), follows(&measure.vacf));
         let flags = [
             ("stress", on(measure.stress)),
             ("wall_forces", on(measure.wall_forces)),
-            ("msd", on(measure.msd)),
-            ("vacf", on(measure.vacf)),
+            ("msd", msd),
+            ("vacf", vacf),
             ("stress_correlation", on(measure.stress_correlation)),
             ("profiles", measure.profiles.as_ref().is_some_and(|profiles| !profiles.is_empty())),
             ("probes", measure.probes.as_ref().is_some_and(|probes| !probes.is_empty())),
@@ -58,7 +65,7 @@ impl Assembler<'_> {
         }
         if let Some(interval) = measure.interval {
             positive(&mut self.document, &at(["measure", "interval"]), interval);
-            if !(on(measure.msd) || on(measure.vacf) || on(measure.stress_correlation)) {
+            if !(msd || vacf || on(measure.stress_correlation)) {
                 let why = "is the shortest lag of correlations: turn on msd, vacf or stress_correlation";
                 self.document.report(&at(["measure", "interval"]), why);
             }
@@ -148,9 +155,10 @@ impl Assembler<'_> {
     pub(super) fn measure(&mut self, system: &System, run: &RunPlan, output: &OutputPlan) -> Measure {
         let Some(mut config) = self.config.measure.clone() else { return Measure::default() };
         let on = |flag: &mut Option<bool>| *flag.get_or_insert(false);
-        let MeasureConfig { stress, wall_forces, msd, vacf, stress_correlation, .. } = &mut config;
-        let (stress, wall_forces) = (on(stress), on(wall_forces));
-        let (msd, vacf, stress_correlation) = (on(msd), on(vacf), on(stress_correlation));
+        let MeasureConfig { stress, wall_forces, stress_correlation, .. } = &mut config;
+        let (stress, wall_forces, stress_correlation) = (on(stress), on(wall_forces), on(stress_correlation));
+        let msd = self.followed("msd", config.msd.get_or_insert(FollowedConfig::All(false)), system);
+        let vacf = self.followed("vacf", config.vacf.get_or_insert(FollowedConfig::All(false)), system);
         let open = (0..system.dimension.count()).any(|axis| system.domain.boundary[axis] == Boundary::Open);
         for (key, _) in
             [("stress", stress), ("stress_correlation", stress_correlation)].iter().filter(|(_, on)| *on)
@@ -180,6 +188,69 @@ impl Assembler<'_> {
         self.config.measure = Some(config);
         let probes = self.probes(config_probes);
         Measure { stress, wall_forces, profiles: grids, correlations, probes }
+    }
+
+    /// Whose displacements or velocities are followed.
+    fn followed(&mut self, key: &str, config: &FollowedConfig, system: &System) -> Followed {
+        let given = match config {
+            FollowedConfig::All(false) => return Followed::Nothing,
+            FollowedConfig::All(true) => return Followed::All,
+            FollowedConfig::Species(FollowedSpeciesConfig { species }) => species,
+        };
+        let path = at(["measure", key, "species"]);
+        match given {
+            Some(given) => Followed::Species(self.measured_species(&path, given, system)),
+            None => {
+                self.document.report_missing(&path, "missing: \"each\", or names of species");
+                Followed::Nothing
+            }
+        }
+    }
+
+    /// The species of a choice, as indices. They must have particles that move.
+    fn measured_species(&mut self, path: &[String], given: &SpeciesChoice, system: &System) -> Vec<u32> {
+        let moves = |species: usize| {
+            system.bodies.iter().any(|body| {
+                body.species as usize == species && system.classes[body.class as usize].mass.is_finite()
+            })
+        };
+        let names: Vec<&str> = system.species.iter().map(String::as_str).collect();
+        let names = match given {
+            SpeciesChoice::Each(word) if word == "each" => {
+                let found: Vec<u32> =
+                    (0..names.len()).filter(|&k| moves(k)).map(|k| k as u32).collect();
+                if found.is_empty() {
+                    self.document.report(path, "no species has particles that move");
+                }
+                return found;
+            }
+            SpeciesChoice::Each(_) => {
+                self.document.refuse(path, "must be \"each\", or a list with names of species");
+                return Vec::new();
+            }
+            SpeciesChoice::Names(given) if given.is_empty() => {
+                self.document.refuse(path, "must name at least one species");
+                return Vec::new();
+            }
+            SpeciesChoice::Names(given) => given.iter().map(|name| (name, names.iter().position(|known| known == name))),
+        };
+        let mut found = Vec::new();
+        for (name, index) in names {
+            match index {
+                None => {
+                    let known = || system.species.iter().map(String::as_str);
+                    self.document.report(path, format!("no species is named {}", among(name, known)));
+                }
+                Some(index) if !moves(index) => {
+                    self.document.report(path, format!("\"{name}\" has no particles that move"));
+                }
+                Some(index) if found.contains(&(index as u32)) => {
+                    self.document.report(path, format!("\"{name}\" is there twice"));
+                }
+                Some(index) => found.push(index as u32),
+            }
+        }
+        found
     }
 
     /// The probes of plug-ins.
@@ -269,6 +340,9 @@ impl Assembler<'_> {
         let samples = *config.samples.get_or_insert(SAMPLES) as u64;
         let spread = *config.spread.get_or_insert(true);
         let interval = config.interval?;
+        let species = config.species.clone().map_or(Vec::new(), |given| {
+            self.measured_species(&profile(index, "species"), &given, system)
+        });
         let is_open = |axis: usize| system.domain.boundary[axis] == Boundary::Open;
         if let Some(other) = (0..system.dimension.count()).find(|axis| is_open(*axis) && !axes.contains(axis))
         {
@@ -298,7 +372,7 @@ impl Assembler<'_> {
         if run.until.is_some_and(|until| until / interval * samples as f64 > MAX_RECORDS) {
             self.document.report(&profile(index, "interval"), "makes more than 1e8 states until run.until");
         }
-        Some(Grid { axes: grid, interval, samples, spread })
+        Some(Grid { axes: grid, interval, samples, spread, species })
     }
 }
 

@@ -9,9 +9,9 @@ use serde::de::{
 };
 
 use super::keys::{
-    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, GrownConfig, LogConfig, OutputFileConfig,
+    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, FollowedConfig, FollowedSpeciesConfig, GrownConfig, LogConfig, OutputFileConfig,
     PackingConfig, PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig,
-    RestitutionModelConfig, ScheduleConfig, SizeTableConfig, SizesConfig, WallTimeConfig,
+    RestitutionModelConfig, ScheduleConfig, SizeTableConfig, SizesConfig, SpeciesChoice, WallTimeConfig,
 };
 use crate::source::read::keys_of;
 
@@ -87,6 +87,16 @@ by_shape!(
     BinsConfig, "a number, or a list with one number for each axis",
     number BinsConfig::Each,
     list BinsConfig::PerAxis
+);
+by_shape!(
+    FollowedConfig, "true, false or { species = … }",
+    boolean |value: bool| Ok(FollowedConfig::All(value)),
+    table FollowedConfig::Species, of FollowedSpeciesConfig
+);
+by_shape!(
+    SpeciesChoice, "\"each\", or a list with names of species",
+    text |text: &str| Ok(SpeciesChoice::Each(text.to_owned())),
+    list SpeciesChoice::Names
 );
 by_shape!(
     RestitutionConfig, "a number in [0, 1] or a table { model = … }",

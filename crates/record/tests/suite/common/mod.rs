@@ -4,7 +4,7 @@
 use glam::DVec3;
 use haff_engine::{
     Boundary, Checkpoint, Column, Correlation, Correlations, EventColumn, EventKind, EventRecord, Frame,
-    Grid, GridAxis, Ledger, Measure, ProfileRow, Sample, SceneFeatures, StressTensor, Term,
+    CellFields, Followed, Grid, GridAxis, Ledger, Measure, ProfileRow, Sample, SceneFeatures, StressTensor, Term,
 };
 use haff_record::Header;
 
@@ -25,26 +25,35 @@ fn axis(axis: usize, bins: usize) -> GridAxis {
     GridAxis { axis, low: 0.0, high: bins as f64, bins }
 }
 
-/// A row of profile 0 with 5 cells, or of profile 1 with 6, in d dimensions.
+/// A row of profile 0 with 5 cells, or of profile 1 with 6 and fields of two species, in d dimensions.
 pub fn profile_row(profile: usize, k: u64, d: u64) -> ProfileRow {
     let cells = 5 + profile as u64;
-    let all = |salt: u64| (0..cells).map(|cell| number(k * 8 + salt, cell)).collect::<Vec<_>>();
-    ProfileRow {
-        profile,
-        time: (k + 1) as f64 / 5.0,
-        step: k * 10,
-        density: all(1),
-        mass_density: all(2),
-        velocity: (0..cells).map(|cell| vector(k * 8 + 3, cell)).collect(),
-        temperature: all(4),
-        pressure: (0..d * d * cells).map(|value| number(k * 8 + 5, value)).collect(),
-    }
+    let fields = |salt: u64| {
+        let all = |more: u64| (0..cells).map(|cell| number(k * 8 + salt + more, cell)).collect::<Vec<_>>();
+        CellFields {
+            density: all(1),
+            mass_density: all(2),
+            velocity: (0..cells).map(|cell| vector(k * 8 + salt + 3, cell)).collect(),
+            temperature: all(4),
+            pressure: (0..d * d * cells).map(|value| number(k * 8 + salt + 5, value)).collect(),
+        }
+    };
+    let species = if profile == 0 { Vec::new() } else { vec![fields(1000), fields(2000)] };
+    ProfileRow { profile, time: (k + 1) as f64 / 5.0, step: k * 10, all: fields(0), species }
 }
 
 /// A correlation with one more lag for each `k`.
 pub fn correlation(k: u64) -> Correlation {
     let all = |salt: u64| (0..k).map(|lag| number(salt, lag)).collect::<Vec<_>>();
-    Correlation { name: "msd", lag: all(1), value: all(2), error: all(3), count: (0..k).collect() }
+    let of_curves = |salt: u64| (0..2 * k).map(|value| number(salt, value)).collect::<Vec<_>>();
+    Correlation {
+        name: "msd",
+        species: vec![0, 1],
+        lag: all(1),
+        value: of_curves(2),
+        error: of_curves(3),
+        count: (0..k).collect(),
+    }
 }
 
 pub fn header(particles: usize) -> Header {
@@ -84,10 +93,10 @@ pub fn header(particles: usize) -> Header {
         },
         measure: Measure {
             profiles: vec![
-                Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1, spread: false },
-                Grid { axes: vec![axis(0, 3), axis(1, 2)], interval: 1.0, samples: 1, spread: false },
+                Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1, spread: false, species: Vec::new() },
+                Grid { axes: vec![axis(0, 3), axis(1, 2)], interval: 1.0, samples: 1, spread: false, species: vec![0, 1] },
             ],
-            correlations: Correlations { msd: true, ..Correlations::default() },
+            correlations: Correlations { msd: Followed::Species(vec![0, 1]), ..Correlations::default() },
             ..Measure::default()
         },
     }

@@ -19,10 +19,11 @@ pub struct MeasureConfig {
     pub wall_forces: Option<bool>,
     /// Profiles along an axis, or on a grid: density, velocity, temperature and pressure tensor.
     pub profiles: Option<Vec<ProfileConfig>>,
-    /// The mean square displacement by lag: `correlations/msd`.
-    pub msd: Option<bool>,
-    /// The autocorrelation of velocities by lag: `correlations/vacf`.
-    pub vacf: Option<bool>,
+    /// The mean square displacement by lag: `correlations/msd`. `true`: of all particles together; or with a curve
+    /// for each of some species.
+    pub msd: Option<FollowedConfig>,
+    /// The autocorrelation of velocities by lag: `correlations/vacf`, as `msd`.
+    pub vacf: Option<FollowedConfig>,
     /// The autocorrelation of the pressure tensor by lag, and the mean square of its integral:
     /// `correlations/stress` and `correlations/helfand`.
     pub stress_correlation: Option<bool>,
@@ -70,6 +71,8 @@ pub struct ProfileConfig {
     /// oscillation of a wall, nor a drive, is always met at the same phase. `false`: at equal times, the last
     /// one at the end of the interval.
     pub spread: Option<bool>,
+    /// `"each"`, or names of species: they have fields of their own, too, `species_density` and so on. Default none.
+    pub species: Option<SpeciesChoice>,
     /// The range that the cells divide [length], two numbers for each axis; default the box. An open axis
     /// needs it.
     #[schemars(length(min = 2, max = 6))]
@@ -84,4 +87,33 @@ pub enum BinsConfig {
     Each(#[schemars(range(min = 1.0))] f64),
     /// One for each axis.
     PerAxis(#[schemars(length(min = 1, max = 3))] Vec<f64>),
+}
+
+/// Whose displacements or velocities are followed.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FollowedConfig {
+    /// Of all particles together, or of none.
+    All(bool),
+    /// Of some species.
+    Species(FollowedSpeciesConfig),
+}
+
+/// `{ species = ["tracer"] }`, or `{ species = "each" }`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("required" = ["species"]))]
+pub struct FollowedSpeciesConfig {
+    /// `"each"`, or names of species: each has a curve of its own.
+    pub species: Option<SpeciesChoice>,
+}
+
+/// Some species.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SpeciesChoice {
+    /// `"each"`: all of finite mass.
+    Each(#[schemars(extend("enum" = ["each"]))] String),
+    /// Their names.
+    Names(#[schemars(length(min = 1))] Vec<String>),
 }
