@@ -85,7 +85,8 @@ def test_means_of_a_sweep_are_those_of_its_files(tmp_path):
 
 
 def test_the_figure_has_the_means_of_all_observables_that_vary(tmp_path):
-    with haff.run(THERMOSTAT | {"run": {"until": 40.0}}, file=tmp_path / "gas.h5") as run:
+    with haff.run(THERMOSTAT | {"run": {"until": 40.0}}, file=tmp_path / "gas.h5") as done:
+        run = done.file
         figure = figures.draw(run, "means")
         titles = [axes.get_title(loc="right") for axes in figure.axes]
         labels = [axes.get_ylabel().split("\n")[0] for axes in figure.axes]
@@ -96,7 +97,7 @@ def test_the_figure_has_the_means_of_all_observables_that_vary(tmp_path):
         assert error == pytest.approx(found["error"], rel=0.1)
         assert "dissipated energy" not in labels
     with (
-        haff.run(THERMOSTAT | {"run": {"until": 1.0}}, file=tmp_path / "short.h5") as run,
+        haff.run(THERMOSTAT | {"run": {"until": 1.0}}, file=tmp_path / "short.h5") as done,
         pytest.raises(NotApplicableError, match="fewer than 16 samples"),
     ):
-        figures.draw(run, "means")
+        figures.draw(done.file, "means")
