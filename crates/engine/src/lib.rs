@@ -49,20 +49,19 @@ pub use laws::hop::hopping_walls;
 pub use model::bounds::allowed_overlap;
 pub use model::{
     Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Cuboid,
-    Dimension, Domain, Drive, DriveKind, DrivenParticles, Flow, Grid, GridAxis, Group, Hole, Inlet,
+    Dimension, Domain, Drive, DriveKind, DrivenParticles, Flow, Followed, Grid, GridAxis, Group, Hole, Inlet,
     KickTimes, Measure, NamedAction, NamedProbe, NeighborChoice, Options, Oscillating, Outlet, Particles,
     Partition, Piston, Probe, Rotation, Shape, Shear, Shrinking, SimdChoice, Spin, Supply, System,
     ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity, conserved_momentum,
     named_action, rest_speed_of_diameter,
-    Followed,
 };
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{
-    BlockCounts, CORRELATIONS, CellFields, Checkpoint, Compressed, Correlation, CorrelationKind, Counters, EventColumn,
-    EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, Mean, NO_PARTNER, Observable,
-    Observer, Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes, Stop,
-    StressTensor, Term, Total, VelocityChange, counts, energies, observables, residual_warning, total_names,
-    totals,
+    BlockCounts, CORRELATIONS, CellFields, Checkpoint, Compressed, Correlation, CorrelationKind, Counters,
+    EventColumn, EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, Mean, NO_PARTNER,
+    Observable, Observer, Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes,
+    Stop, StressTensor, Term, Total, VelocityChange, counts, energies, observables, residual_warning,
+    total_names, totals,
 };
 pub use simulation::{
     Change, NewParticle, SearchSupport, Simulation, Until, clustering_warning, critical_length,

@@ -27,7 +27,12 @@ struct Field {
 }
 
 const FIELDS: [Field; 5] = [
-    Field { name: "density", unit: "1/length^d", shape: |_| Vec::new(), values: |cells| cells.density.clone() },
+    Field {
+        name: "density",
+        unit: "1/length^d",
+        shape: |_| Vec::new(),
+        values: |cells| cells.density.clone(),
+    },
     Field {
         name: "mass_density",
         unit: "mass/length^d",
@@ -315,9 +320,8 @@ impl CorrelationTables {
                 write_species(&group, species)?;
             }
             let storage = Storage::plain(LAGS, &[]);
-            let of_curves = |name: &str| {
-                Series::create_real(&group, name, &curves, &Storage::plain(LAGS, &curves))
-            };
+            let of_curves =
+                |name: &str| Series::create_real(&group, name, &curves, &Storage::plain(LAGS, &curves));
             Ok(Columns {
                 name: kind.name,
                 lag: Series::create_real(&group, "lag", &[], &storage)?,
@@ -343,13 +347,7 @@ impl CorrelationTables {
             if value.shape().len() > 1 {
                 return Err(format!("{} is no table of curves by lag", kind.name).into());
             }
-            Ok(Columns {
-                name: kind.name,
-                lag: column("lag")?,
-                value,
-                error,
-                count: column("count")?,
-            })
+            Ok(Columns { name: kind.name, lag: column("lag")?, value, error, count: column("count")? })
         };
         let found = CORRELATIONS.iter().filter(|kind| all.link_exists(kind.name));
         Ok(Self(found.map(open).collect::<hdf5::Result<_>>()?))

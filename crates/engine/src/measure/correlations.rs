@@ -39,10 +39,17 @@ struct Curve {
 
 impl Curve {
     /// The curves of what is followed: their tracers are bodies of finite mass.
-    fn all(followed: &Followed, operation: Operation, tracers: usize, system: &System, world: &World) -> Vec<Self> {
+    fn all(
+        followed: &Followed,
+        operation: Operation,
+        tracers: usize,
+        system: &System,
+        world: &World,
+    ) -> Vec<Self> {
         let of = |species: Option<u32>| {
             let is_followed = |&i: &u32| {
-                let is_of = species.is_none_or(|species| system.bodies[world.id(i) as usize].species == species);
+                let is_of =
+                    species.is_none_or(|species| system.bodies[world.id(i) as usize].species == species);
                 is_of && world.body(i).inverse_mass != 0.0
             };
             let movable: Vec<u32> = (0..world.particles.len() as u32).filter(is_followed).collect();
@@ -90,7 +97,8 @@ fn traceless(tensor: &Tensor, dimension: usize) -> Vec<f64> {
 impl Correlator {
     pub fn new(system: &System, state: &State) -> Self {
         let plan = system.measure.correlations.clone();
-        let curves = |followed, operation| Curve::all(followed, operation, plan.tracers, system, &state.world);
+        let curves =
+            |followed, operation| Curve::all(followed, operation, plan.tracers, system, &state.world);
         let mut correlator = Self {
             taken: 0,
             msd: curves(&plan.msd, Operation::SquareDifference),

@@ -82,8 +82,7 @@ impl BySpecies {
 
     /// The same for the particles of another world.
     fn of_world(mut self, world: &World) -> Self {
-        self.of_index =
-            (0..world.particles.len() as u32).map(|i| self.of_id[world.id(i) as usize]).collect();
+        self.of_index = (0..world.particles.len() as u32).map(|i| self.of_id[world.id(i) as usize]).collect();
         self
     }
 }
@@ -137,13 +136,7 @@ impl Profile {
 
     /// Adds a transfer at `time` from `start` along `branch`, to each cell its part of the line; `shares` are the
     /// places of the bodies that change, each of which has the same share of it.
-    fn transfer(
-        &mut self,
-        time: f64,
-        [start, branch]: [DVec3; 2],
-        virial: Tensor,
-        shares: &[Option<usize>],
-    ) {
+    fn transfer(&mut self, time: f64, [start, branch]: [DVec3; 2], virial: Tensor, shares: &[Option<usize>]) {
         let share = 1.0 / shares.len() as f64;
         let mut faces = std::mem::take(&mut self.faces);
         faces.clear();

@@ -200,8 +200,12 @@ fn impossible_changes_are_refused_and_change_nothing() {
         }
         assert_eq!((simulation.state_hash(), simulation.ledger()), before, "{expected}");
     }
-    system.measure.correlations =
-        haff_engine::Correlations { msd: haff_engine::Followed::All, interval: 0.1, tracers: 9, ..Default::default() };
+    system.measure.correlations = haff_engine::Correlations {
+        msd: haff_engine::Followed::All,
+        interval: 0.1,
+        tracers: 9,
+        ..Default::default()
+    };
     let mut followed = start(&system);
     let refused = followed.change(&Change { remove: vec![0], ..Change::default() }, &mut Silent);
     assert!(matches!(refused, Err(EngineError::Change(why)) if why.contains("correlations follow")));

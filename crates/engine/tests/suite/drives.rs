@@ -82,7 +82,8 @@ fn impacts_that_follow_from_a_kick_at_once_come_before_measurements_and_stops() 
         gas_at_plastic_walls(Dimension::Two, DriveKind::Rescale { temperature: 1.0, interval: 1.0 });
     let size = scene.domain.size.x;
     let axes = vec![GridAxis { axis: 0, low: 0.0, high: size, bins: 1 }];
-    scene.measure.profiles = vec![Grid { axes, interval: 1.0, samples: 1, spread: false, species: Vec::new() }];
+    scene.measure.profiles =
+        vec![Grid { axes, interval: 1.0, samples: 1, spread: false, species: Vec::new() }];
     for (neighbors, blocks) in [
         (NeighborChoice::AllPairs, None),
         (NeighborChoice::Cells, None),

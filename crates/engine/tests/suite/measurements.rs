@@ -27,7 +27,13 @@ fn grid(system: &System, axes: &[(usize, usize)], interval: f64, samples: u64) -
 }
 
 fn correlate(interval: f64) -> Correlations {
-    Correlations { msd: haff_engine::Followed::All, vacf: haff_engine::Followed::All, stress: true, interval, tracers: usize::MAX }
+    Correlations {
+        msd: haff_engine::Followed::All,
+        vacf: haff_engine::Followed::All,
+        stress: true,
+        interval,
+        tracers: usize::MAX,
+    }
 }
 
 fn trace(tensor: [f64; 9]) -> f64 {

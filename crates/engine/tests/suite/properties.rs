@@ -21,6 +21,7 @@ use haff_engine::{
     Options, Sample, SearchSupport, SimdChoice, Simulation, Stop, System, Until, Wall, WallLaw, WallMotion,
     searches,
 };
+use haff_mechanics::Restitution;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use recipe::{Recipe, kick_interval, recipe};

@@ -241,7 +241,8 @@ fn mean_velocity_grows_linearly_along_the_gradient() {
     shear(&mut scene, 0, 1, 1.5);
     let edge = scene.domain.size.y;
     let axis = GridAxis { axis: 1, low: 0.0, high: edge, bins: 4 };
-    scene.measure.profiles = vec![Grid { axes: vec![axis], interval: 20.0, samples: 40, spread: false, species: Vec::new() }];
+    scene.measure.profiles =
+        vec![Grid { axes: vec![axis], interval: 20.0, samples: 40, spread: false, species: Vec::new() }];
     let mut simulation = Simulation::new(scene, Options::default()).unwrap();
     let mut log = common::Log::default();
     simulation.advance(until(20.0), &mut log).unwrap();

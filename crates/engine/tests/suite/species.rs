@@ -35,7 +35,8 @@ fn mixture(dimension: Dimension) -> System {
 }
 
 fn grid(scene: &System, axes: &[(usize, usize)], samples: u64, spread: bool, species: &[u32]) -> Grid {
-    let axis = |&(axis, bins): &(usize, usize)| GridAxis { axis, low: 0.0, high: scene.domain.size[axis], bins };
+    let axis =
+        |&(axis, bins): &(usize, usize)| GridAxis { axis, low: 0.0, high: scene.domain.size[axis], bins };
     let axes = axes.iter().map(axis).collect();
     Grid { axes, interval: 1.0, samples, spread, species: species.to_vec() }
 }
@@ -52,8 +53,10 @@ fn fields_of_species_add_up_to_those_of_all_particles() {
     for dimension in [Dimension::Two, Dimension::Three] {
         let mut scene = mixture(dimension);
         let d = dimension.count();
-        scene.measure.profiles =
-            vec![grid(&scene, &[(1, 5)], 4, true, &[0, 1, 2]), grid(&scene, &[(0, 2), (1, 3)], 3, true, &[2, 0, 1])];
+        scene.measure.profiles = vec![
+            grid(&scene, &[(1, 5)], 4, true, &[0, 1, 2]),
+            grid(&scene, &[(0, 2), (1, 3)], 3, true, &[2, 0, 1]),
+        ];
         let rows = rows(&scene, 5.0);
         assert_eq!(rows.len(), 10);
         for row in rows {
@@ -99,7 +102,8 @@ fn fields_of_a_species_are_those_of_its_particles_in_a_frame() {
     let (frame, row) = (simulation.frame(), log.1.last().unwrap());
     let mass = |i: usize| scene.classes[scene.bodies[i].class as usize].mass;
     for cell in 0..3 {
-        let inside = |i: &usize| (frame.position[*i].y / size.y * 3.0) as usize == cell && mass(*i).is_finite();
+        let inside =
+            |i: &usize| (frame.position[*i].y / size.y * 3.0) as usize == cell && mass(*i).is_finite();
         let all: Vec<usize> = (0..scene.bodies.len()).filter(inside).collect();
         let u = all.iter().map(|&i| mass(i) * frame.velocity[i]).sum::<DVec3>()
             / all.iter().map(|&i| mass(i)).sum::<f64>();
@@ -121,7 +125,8 @@ fn curves_of_species_add_up_to_those_of_all_particles() {
     let mut scene = mixture(Dimension::Three);
     let measured = |followed: Followed, scene: &mut System| {
         let (msd, vacf) = (followed.clone(), followed);
-        let correlations = Correlations { msd, vacf, interval: 0.1, tracers: 1000, ..Correlations::default() };
+        let correlations =
+            Correlations { msd, vacf, interval: 0.1, tracers: 1000, ..Correlations::default() };
         scene.measure = Measure { correlations, ..Measure::default() };
         let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
         simulation.advance(Until { time: 20.0, ..Until::default() }, &mut Silent).unwrap();
@@ -134,9 +139,13 @@ fn curves_of_species_add_up_to_those_of_all_particles() {
         assert_eq!((all.name, &each.species[..], &all.species[..]), (each.name, &[2, 0, 1][..], &[][..]));
         assert_eq!((&all.lag, &all.count), (&each.lag, &each.count));
         for (lag, curves) in each.value.chunks_exact(3).enumerate() {
-            let mean = (large * curves[0] + small * curves[1] + middle * curves[2]) / (large + small + middle);
+            let mean =
+                (large * curves[0] + small * curves[1] + middle * curves[2]) / (large + small + middle);
             let value = all.value[lag];
-            assert!((mean - value).abs() < 1e-12 * all.value[0].abs().max(value.abs()), "{mean} is not {value}");
+            assert!(
+                (mean - value).abs() < 1e-12 * all.value[0].abs().max(value.abs()),
+                "{mean} is not {value}"
+            );
         }
         assert_eq!(each.error.len(), each.value.len());
     }

@@ -70,14 +70,18 @@ fn check_measured(file: &File, rows: u64) {
         let temperatures: Vec<f64> = expected.iter().flat_map(|row| row.temperature.clone()).collect();
         assert!(column::<f64>(file, &value("temperature")) == temperatures, "{name}: temperatures differ");
         if profile == 1 {
-            assert_eq!(shape(file, &value("species_pressure")), [&[rows as usize, 2][..], &bins, &[d, d]].concat());
+            assert_eq!(
+                shape(file, &value("species_pressure")),
+                [&[rows as usize, 2][..], &bins, &[d, d]].concat()
+            );
             assert_eq!(shape(file, &value("species_density")), [&[rows as usize, 2][..], &bins].concat());
             let of_species = |field: fn(&CellFields) -> &Vec<f64>| -> Vec<f64> {
                 expected.iter().flat_map(|row| row.species.iter().flat_map(field)).copied().collect()
             };
             assert!(column::<f64>(file, &value("species_pressure")) == of_species(|fields| &fields.pressure));
             assert!(column::<f64>(file, &value("species_density")) == of_species(|fields| &fields.density));
-            let species = file.group("profiles/xy").unwrap().attr("species").unwrap().read_raw::<u32>().unwrap();
+            let species =
+                file.group("profiles/xy").unwrap().attr("species").unwrap().read_raw::<u32>().unwrap();
             assert_eq!(species, [0, 1]);
         }
         let times: Vec<f64> = expected.iter().map(|row| row.time).collect();

@@ -12,7 +12,8 @@ use super::plan::MAX_RECORDS;
 use super::values::{at, item, positive};
 use crate::config::document::Path;
 use crate::config::{
-    BinsConfig, FollowedConfig, FollowedSpeciesConfig, MeasureConfig, ProbeConfig, ProfileConfig, SpeciesChoice,
+    BinsConfig, FollowedConfig, FollowedSpeciesConfig, MeasureConfig, ProbeConfig, ProfileConfig,
+    SpeciesChoice,
 };
 use crate::model::scene::{OutputPlan, RunPlan, Schedule};
 use crate::plugins::{make_probe, probe_names};
@@ -38,10 +39,8 @@ impl Assembler<'_> {
     pub(super) fn measure_shape(&mut self) {
         let Some(measure) = self.config.measure.clone() else { return };
         let on = |flag: Option<bool>| flag == Some(true);
-        let follows = |followed: &Option<FollowedConfig>| {
-            !matches!(followed, None | Some(FollowedConfig::All(false)))
-        };
-        let (msd, vacf) = (follows(&measure.msd), follows(&measure.vacf));
+        let [msd, vacf] =
+            [&measure.msd, &measure.vacf].map(|key| key.as_ref().is_some_and(FollowedConfig::any));
         let flags = [
             ("stress", on(measure.stress)),
             ("wall_forces", on(measure.wall_forces)),
@@ -198,13 +197,11 @@ impl Assembler<'_> {
             FollowedConfig::Species(FollowedSpeciesConfig { species }) => species,
         };
         let path = at(["measure", key, "species"]);
-        match given {
-            Some(given) => Followed::Species(self.measured_species(&path, given, system)),
-            None => {
-                self.document.report_missing(&path, "missing: \"each\", or names of species");
-                Followed::Nothing
-            }
+        if let Some(given) = given {
+            return Followed::Species(self.measured_species(&path, given, system));
         }
+        self.document.report_missing(&path, "missing: \"each\", or names of species");
+        Followed::Nothing
     }
 
     /// The species of a choice, as indices. They must have particles that move.
@@ -217,8 +214,7 @@ impl Assembler<'_> {
         let names: Vec<&str> = system.species.iter().map(String::as_str).collect();
         let names = match given {
             SpeciesChoice::Each(word) if word == "each" => {
-                let found: Vec<u32> =
-                    (0..names.len()).filter(|&k| moves(k)).map(|k| k as u32).collect();
+                let found: Vec<u32> = (0..names.len()).filter(|&k| moves(k)).map(|k| k as u32).collect();
                 if found.is_empty() {
                     self.document.report(path, "no species has particles that move");
                 }
@@ -232,7 +228,9 @@ impl Assembler<'_> {
                 self.document.refuse(path, "must name at least one species");
                 return Vec::new();
             }
-            SpeciesChoice::Names(given) => given.iter().map(|name| (name, names.iter().position(|known| known == name))),
+            SpeciesChoice::Names(given) => {
+                given.iter().map(|name| (name, names.iter().position(|known| known == name)))
+            }
         };
         let mut found = Vec::new();
         for (name, index) in names {
@@ -340,9 +338,10 @@ impl Assembler<'_> {
         let samples = *config.samples.get_or_insert(SAMPLES) as u64;
         let spread = *config.spread.get_or_insert(true);
         let interval = config.interval?;
-        let species = config.species.clone().map_or(Vec::new(), |given| {
-            self.measured_species(&profile(index, "species"), &given, system)
-        });
+        let species = config
+            .species
+            .clone()
+            .map_or(Vec::new(), |given| self.measured_species(&profile(index, "species"), &given, system));
         let is_open = |axis: usize| system.domain.boundary[axis] == Boundary::Open;
         if let Some(other) = (0..system.dimension.count()).find(|axis| is_open(*axis) && !axes.contains(axis))
         {

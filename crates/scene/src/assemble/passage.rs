@@ -10,7 +10,7 @@ use super::{
     values::{at, item, not_negative, positive},
 };
 use crate::{
-    config::{InletConfig, OutletConfig},
+    config::{FollowedConfig, InletConfig, OutletConfig},
     placement::random::{Purpose, Stream},
 };
 
@@ -68,15 +68,20 @@ impl Assembler<'_> {
     fn refuse_beside_passages(&mut self, list: &str) {
         let domain = self.config.domain.clone().unwrap_or_default();
         let measure = self.config.measure.clone().unwrap_or_default();
-        let is_on = |given: Option<bool>| given == Some(true);
         let others = [
             (domain.shear.is_some(), "domain.shear"),
             (domain.compression.is_some(), "domain.compression"),
             (self.config.growth.is_some(), "growth"),
             (self.config.drive.as_ref().is_some_and(|drives| !drives.is_empty()), "a drive"),
             (self.has_joints(), "pendulums, springs, rods or sticking contacts"),
-            (is_on(measure.msd), "measure.msd, which follows all particles from the start"),
-            (is_on(measure.vacf), "measure.vacf, which follows all particles from the start"),
+            (
+                measure.msd.as_ref().is_some_and(FollowedConfig::any),
+                "measure.msd, which follows all particles from the start",
+            ),
+            (
+                measure.vacf.as_ref().is_some_and(FollowedConfig::any),
+                "measure.vacf, which follows all particles from the start",
+            ),
         ];
         for (_, what) in others.into_iter().filter(|(given, _)| *given) {
             self.document.report(&at([list]), format!("does not work with {what}"));

@@ -9,9 +9,10 @@ use serde::de::{
 };
 
 use super::keys::{
-    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, FollowedConfig, FollowedSpeciesConfig, GrownConfig, LogConfig, OutputFileConfig,
-    PackingConfig, PositionsConfig, RadiusConfig, RadiusDistribution, RestitutionConfig,
-    RestitutionModelConfig, ScheduleConfig, SizeTableConfig, SizesConfig, SpeciesChoice, WallTimeConfig,
+    BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, FollowedConfig, FollowedSpeciesConfig,
+    GrownConfig, LogConfig, OutputFileConfig, PackingConfig, PositionsConfig, RadiusConfig,
+    RadiusDistribution, RestitutionConfig, RestitutionModelConfig, ScheduleConfig, SizeTableConfig,
+    SizesConfig, SpeciesChoice, WallTimeConfig,
 };
 use crate::source::read::keys_of;
 
@@ -101,7 +102,7 @@ by_shape!(
 by_shape!(
     RestitutionConfig, "a number in [0, 1] or a table { model = … }",
     number RestitutionConfig::Constant,
-    table RestitutionConfig::Model, of RestitutionModelConfig
+    table |model| RestitutionConfig::Model(Box::new(model)), of RestitutionModelConfig
 );
 by_shape!(
     WallTimeConfig, "a duration such as \"2h\" or a number of seconds",

@@ -41,7 +41,7 @@ pub(super) fn given(system: &System, change: &Change, count: usize) -> Checked {
         vector(system, "angular_velocities", k, new.angular_velocity)?;
         size_and_mass(system, k, new)?;
     }
-    if change.positions.is_some() && system.measure.correlations.msd {
+    if change.positions.is_some() && system.measure.correlations.msd.any() {
         let why =
             "positions: the mean square displacement (measure.msd) follows the particles: none can be moved";
         return Err(why.to_owned());

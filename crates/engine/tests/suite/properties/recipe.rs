@@ -241,7 +241,8 @@ fn measure_all(scene: &System, random: &mut Random) -> Measure {
     let axis = |axis: usize, bins: usize| GridAxis { axis, low: 0.0, high: scene.domain.size[axis], bins };
     let profile = |axes: Vec<GridAxis>, interval: f64| {
         let spread = axes.len() == 1;
-        Grid { axes, interval, samples: 3, spread, species: Vec::new() }
+        let species = if spread { vec![0] } else { Vec::new() };
+        Grid { axes, interval, samples: 3, spread, species }
     };
     // Without a volume there is no pressure. Grains that sleep on each other transmit no forces.
     let pressure = closed && scene.contacts.rest_speed == 0.0;
@@ -253,7 +254,7 @@ fn measure_all(scene: &System, random: &mut Random) -> Measure {
         profiles: if closed { profiles } else { Vec::new() },
         correlations: Correlations {
             msd: haff_engine::Followed::All,
-            vacf: haff_engine::Followed::All,
+            vacf: haff_engine::Followed::Species(vec![0]),
             stress: pressure,
             interval: 10_f64.powf(random.uniform(-2.0, 0.0)),
             tracers: 30,

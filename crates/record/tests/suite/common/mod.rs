@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Checkpoint, Column, Correlation, Correlations, EventColumn, EventKind, EventRecord, Frame,
-    CellFields, Followed, Grid, GridAxis, Ledger, Measure, ProfileRow, Sample, SceneFeatures, StressTensor, Term,
+    Boundary, CellFields, Checkpoint, Column, Correlation, Correlations, EventColumn, EventKind, EventRecord,
+    Followed, Frame, Grid, GridAxis, Ledger, Measure, ProfileRow, Sample, SceneFeatures, StressTensor, Term,
 };
 use haff_record::Header;
 
@@ -93,8 +93,20 @@ pub fn header(particles: usize) -> Header {
         },
         measure: Measure {
             profiles: vec![
-                Grid { axes: vec![axis(2, 5)], interval: 1.0, samples: 1, spread: false, species: Vec::new() },
-                Grid { axes: vec![axis(0, 3), axis(1, 2)], interval: 1.0, samples: 1, spread: false, species: vec![0, 1] },
+                Grid {
+                    axes: vec![axis(2, 5)],
+                    interval: 1.0,
+                    samples: 1,
+                    spread: false,
+                    species: Vec::new(),
+                },
+                Grid {
+                    axes: vec![axis(0, 3), axis(1, 2)],
+                    interval: 1.0,
+                    samples: 1,
+                    spread: false,
+                    species: vec![0, 1],
+                },
             ],
             correlations: Correlations { msd: Followed::Species(vec![0, 1]), ..Correlations::default() },
             ..Measure::default()

@@ -78,7 +78,7 @@ pub enum RestitutionConfig {
     /// The same at every approach speed.
     Constant(#[schemars(range(min = 0.0, max = 1.0))] f64),
     /// Depends on the approach speed.
-    Model(RestitutionModelConfig),
+    Model(Box<RestitutionModelConfig>),
 }
 
 /// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent =

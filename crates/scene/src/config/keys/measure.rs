@@ -99,6 +99,13 @@ pub enum FollowedConfig {
     Species(FollowedSpeciesConfig),
 }
 
+impl FollowedConfig {
+    /// Whether anything is followed.
+    pub(crate) fn any(&self) -> bool {
+        !matches!(self, Self::All(false))
+    }
+}
+
 /// `{ species = ["tracer"] }`, or `{ species = "each" }`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
