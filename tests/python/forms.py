@@ -350,6 +350,28 @@ SCENES: dict[str, dict[str, Any]] = {
             "events": {"columns": ["i", "j", "approach_speed", "impulse", "carnot_energy", "normal"]},
         },
     },
+    "measurements by species": {
+        "domain": _BOX,
+        "species": [_GRAIN, {**_GRAIN, "name": "other", "count": 20}],
+        "measure": {
+            "msd": {"species": "each"},
+            "vacf": {"species": ["other"]},
+            "interval": 0.05,
+            "profiles": [
+                {"axis": "z", "bins": 4, "interval": 0.5, "species": "each"},
+                {"axis": "x", "bins": 2, "interval": 0.5, "species": ["other"]},
+            ],
+        },
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
+    "vacf of each": {
+        "domain": _BOX,
+        "species": [_GRAIN],
+        "measure": {"msd": {"species": ["grain"]}, "vacf": {"species": "each"}, "interval": 0.05},
+        "run": _SHORT,
+        "output": _OUTPUT,
+    },
     "all columns of rough contacts": {
         "dimension": 2,
         "domain": {"packing_fraction": 0.3},

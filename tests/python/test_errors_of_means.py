@@ -1,4 +1,4 @@
-"""Means of observables: their stated errors against the scatter of independent runs; the figure and the sweep's table."""
+"""Means of observables: stated errors against the scatter of independent runs, the figure, the table of a sweep."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ GAS = {
     "initial": {"positions": "random", "temperature": 1.0},
     "output": {"frames": False},
 }
-# A velocity is forgotten at the rate of the kicks, so that the autocorrelation of T is e^(−rate t) beside that of collisions,
-# which keep T.
+# A velocity is forgotten at the rate of the kicks, so that the autocorrelation of T is e^(−rate t): collisions keep T.
 THERMOSTAT = GAS | {
     "drive": [{"kind": "andersen", "temperature": 1.0, "rate": 1.0}],
     "output": {"frames": False, "observables": 0.2},

@@ -302,3 +302,20 @@ def test_fits_of_the_diffusion_coefficient_agree_after_the_finite_size_correctio
         infinite = float(theory.diffusion_ruckenstein_liu(n, 1.0))
         assert float(theory.diffusion_speedy(n, 1.0)) + float(box) == pytest.approx(infinite, rel=0.015)
         assert infinite > 1.2 * theory.enskog_diffusion(n, 1.0)
+
+
+def test_a_tracer_like_the_others_has_their_coefficient_of_self_diffusion():
+    n, sigma, T, m = 0.1, 1.3, 2.0, 0.7
+    found = theory.enskog_tracer_diffusion(n, sigma, sigma, m, m, T)
+    g0 = theory.contact_value(float(theory.packing_fraction(n, sigma)))
+    whole = theory.enskog_diffusion(n, sigma, T, m, g0)
+    # The second approximation of Sonine's expansion, 1/(1 − 1/59), beside all of them.
+    assert float(found / whole) == pytest.approx(59 / 58 / 1.018954, rel=1e-12)
+    # Of two sizes the contact value is that of a mixture with next to no tracers.
+    g = theory.mixture_contact_values([n, 1e-12], [sigma, 3.0])[0, 1]
+    of_both = [theory.enskog_tracer_diffusion(n, sigma, 3.0, m, 9.0, T, g=value) for value in (None, g)]
+    assert float(of_both[0]) == pytest.approx(float(of_both[1]), rel=1e-9)
+    # A heavy tracer has Einstein's friction of independent impacts, T/D = (8/3) n σ₁₂² √(2πμT).
+    heavy = theory.enskog_tracer_diffusion(n, sigma, 3.0, m, 1e6, T, g=1.0)
+    friction = 8 / 3 * n * ((sigma + 3.0) / 2) ** 2 * math.sqrt(2 * math.pi * m * T)
+    assert float(heavy) == pytest.approx(T / friction, rel=1e-5)

@@ -53,8 +53,12 @@ ADDED = {
     (3, 0.95): (319.71247, 0.07822, -0.01237, 0.00027),
 }
 """T/(m Δ²) and a₂ of :func:`added_speed`, each followed by its standard error, by dimension and e."""
-HEATED_SPINS: dict[tuple[float, float], tuple[float, float, float, float]] = {}
-"""As HEATED with ``rotational=True``."""
+HEATED_SPINS = {
+    (0.9, 0.0): (1.14453, 0.00048, 0.77907, 0.00039),
+    (0.8, 0.5): (1.28845, 0.00048, 1.01926, 0.00065),
+    (0.7, -0.5): (1.05718, 0.00039, 1.28519, 0.00067),
+}
+"""As HEATED, of gases whose spins are heated, too: with ``rotational=True``."""
 
 CASES = ((0.9, -0.9), (0.9, 0.0), (0.8, 0.5), (0.7, -0.5), (0.95, 0.9))
 """Normal and tangential restitution of the table."""
@@ -404,8 +408,9 @@ def rough_heated(
     """T_tr and T_rot/T_tr of the gas of :func:`rough_cooling`, its velocities heated by white noise.
 
     Each component of a velocity gets N(0, strength · dt), the mean over all particles taken out, in steps of `step`
-    collisions per particle; with `rotational` each component of u gets N(0, strength · dt/q). `density` is nσ³ (nσ² of disks), `chi` Enskog's contact value, 1 in the dilute limit.
-    Transient and samples as in :func:`rough_cooling`. By dimension, T_tr ∝ (strength/(density chi))^(2/3).
+    collisions per particle; with `rotational` each component of u gets N(0, strength · dt/q). `density` is nσ³
+    (nσ² of disks), `chi` Enskog's contact value, 1 in the dilute limit. Transient and samples
+    as in :func:`rough_cooling`. By dimension, T_tr ∝ (strength/(density chi))^(2/3).
     """
     law = Law(e, beta, _inertia(q, dimension), friction)
     T, ratio = maxwellian_heated(e, beta, q, dimension, strength=strength, density=density, chi=chi)

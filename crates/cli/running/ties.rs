@@ -51,8 +51,8 @@ impl Observer for Contacts {
     }
 }
 
-/// The first body of a scene that has two contacts at one instant, if there is one among the first contacts of the
-/// run. `None` also for very large systems, and if the run cannot start.
+/// The first body of a scene that has two contacts at one instant, if there is one among the first contacts
+/// of the run. `None` also for very large systems, and if the run cannot start.
 pub fn first_tie(scene: &Scene) -> Option<Tie> {
     let particles = scene.system.bodies.len();
     if particles > LARGEST {

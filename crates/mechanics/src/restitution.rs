@@ -118,7 +118,8 @@ impl Restitution {
     /// The coefficient of restitution `e` ∈ [0, 1] at the approach speed `v_n` [length/time], (2.11), (2.12).
     ///
     /// A negative approach speed counts as zero. A law of another crate is that of bodies with a reduced mass
-    /// and a reduced radius of 1, and a random one has its median draw; [`Self::coefficient_in`] is for others.
+    /// and a reduced radius of 1, and a random one has its median draw; [`Self::coefficient_in`] is for
+    /// others.
     ///
     /// ```
     /// use haff_mechanics::Restitution;
@@ -140,8 +141,8 @@ impl Restitution {
         self.coefficient_of(contact.approach_speed, || *contact)
     }
 
-    /// The coefficient of restitution at an approach speed [length/time]; the rest of the `contact` is computed
-    /// if the law needs it.
+    /// The coefficient of restitution at an approach speed [length/time]; the rest of the `contact` is
+    /// computed if the law needs it.
     #[inline(always)]
     #[must_use]
     pub fn coefficient_of(&self, approach_speed: f64, contact: impl FnOnce() -> NormalContact) -> f64 {

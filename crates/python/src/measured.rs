@@ -18,8 +18,8 @@ const FIELDS: [Field; 5] = [
 ];
 
 /// All rows of all profiles: by the letters of the axes a dict with `time`, the centers of the cells by axis,
-/// and the fields, each `[rows][bins...]` and the shape of the value in a cell; those of species, `species_…`,
-/// `[rows][species][bins...]`, with the indices of the species in `species`.
+/// and the fields, each `[rows][bins...]` and the shape of the value in a cell; those of species,
+/// `species_…`, `[rows][species][bins...]`, with the indices of the species in `species`.
 pub fn profiles<'py>(
     py: Python<'py>,
     grids: &[Grid],

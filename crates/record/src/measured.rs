@@ -62,8 +62,8 @@ const FIELDS: [Field; 5] = [
 /// What the names of the fields of species begin with.
 const OF_SPECIES: &str = "species_";
 
-/// Shapes of a row's fields, on a grid in d dimensions: of all particles, then of species, if it has any, with the
-/// species first.
+/// Shapes of a row's fields, on a grid in d dimensions: of all particles, then of species, if it has any,
+/// with the species first.
 pub(crate) fn row_shapes(grid: &Grid, dimension: usize) -> Vec<Vec<usize>> {
     let cells = || grid.axes.iter().map(|axis| axis.bins);
     let of_all = FIELDS.iter().map(|field| cells().chain((field.shape)(dimension)).collect());

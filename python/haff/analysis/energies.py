@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..common import arguments
 from ..errors import NotApplicableError
 from ..files.layout import Array
 from .checked import checked

@@ -38,8 +38,8 @@ class Mixing(NamedTuple):
 def mixing(file: Recording, species: str, profile: str | None = None) -> Mixing:
     """Concentrations of a species in the cells of a profile of ``measure.profiles``, and Lacey's index of mixing.
 
-    With the part p of the particles, the variance of the concentrations is σ₀² = p(1 − p) if the species are separate, and
-    σ_r² = p(1 − p)/n of a random mixture with n particles in a cell (P. M. C. Lacey, J. Appl. Chem. 4, 257 (1954)).
+    With the part p of the particles, the variance of the concentrations is σ₀² = p(1 − p) if the species are separate,
+    and σ_r² = p(1 − p)/n of a random mixture with n particles in a cell (P. M. C. Lacey, J. Appl. Chem. 4, 257 (1954)).
     Fluctuations of the states that a row averages over are not independent, so that a row of many states is less noisy
     than one state, and its index may be slightly above 1.
 
@@ -50,7 +50,8 @@ def mixing(file: Recording, species: str, profile: str | None = None) -> Mixing:
     profile
         Letters of its axes, such as ``"z"``; by default the only one with fields of the species.
 
-    Where all particles are of one species the index is NaN. Raises :class:`MissingDataError` if there is no such profile.
+    Where all particles are of one species the index is NaN. Raises :class:`MissingDataError` if there is no such
+    profile.
     """
     rows = profile_rows(file)
     known = {name: one for name, one in rows.items() if species in one.species}
@@ -60,7 +61,7 @@ def mixing(file: Recording, species: str, profile: str | None = None) -> Mixing:
         have = sorted({name for one in rows.values() for name in one.species})
         of = f"; there are those of {brief(', '.join(have))}" if have else ""
         raise MissingDataError(
-            f"{file.path}: no profile has fields of {quoted(species)} (set species = \"each\" in measure.profiles){of}"
+            f'{file.path}: no profile has fields of {quoted(species)} (set species = "each" in measure.profiles){of}'
         )
     if profile is None and len(known) > 1:
         raise ArgumentError(f"{file.path}: several profiles have fields of {quoted(species)}: {', '.join(known)}")

@@ -78,7 +78,8 @@ def static_structure(
     ArgumentError
         An argument is not positive, or there is no such species.
     NotApplicableError
-        A species has no particles, the box is not periodic, no wave of it is as short as ``k_max``, or there are no frames.
+        A species has no particles, the box is not periodic, no wave of it is as short as ``k_max``, or there are no
+        frames.
     """
     k_max, bins, most_waves = positive("k_max", k_max), count("bins", bins), count("most_waves", most_waves)
     seed = count("seed", seed, 0, MOST_ROWS)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 def scaled_velocities(frame: Frame, species: Species | None = None) -> Array:
     """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
 
-    v − V is :attr:`Frame.thermal_velocity`. With a ``species``, a name or an index, of its bodies alone, and T is theirs.
-    Raises :class:`NotApplicableError` if there is no such body.
+    v − V is :attr:`Frame.thermal_velocity`. With a ``species``, a name or an index, of its bodies alone, and T is
+    theirs. Raises :class:`NotApplicableError` if there is no such body.
     """
     chosen = mobile(frame, species)
     if not chosen.any():

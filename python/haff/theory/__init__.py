@@ -104,6 +104,7 @@ from .transport import (
     diffusion_ruckenstein_liu,
     diffusion_speedy,
     enskog_diffusion,
+    enskog_tracer_diffusion,
     enskog_viscosity,
 )
 
@@ -112,6 +113,7 @@ __all__ = [
     "DiluteShearFlow",
     "MixtureRates",
     "RoughLosses",
+    "added_speed_temperature",
     "carnahan_starling",
     "collision_frequency",
     "compressibility",
@@ -124,11 +126,11 @@ __all__ = [
     "diffusion_ruckenstein_liu",
     "diffusion_speedy",
     "enskog_diffusion",
+    "enskog_tracer_diffusion",
     "enskog_viscosity",
     "granular_temperatures",
     "haff_temperature",
     "haff_time",
-    "added_speed_temperature",
     "heated_temperature",
     "henderson",
     "kolafa_labik_malijevsky",

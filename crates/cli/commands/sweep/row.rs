@@ -48,7 +48,8 @@ fn json(value: &toml::Value) -> Value {
     }
 }
 
-/// The mean of an observable over the stationary part of a run. Null where there are too few samples for an error.
+/// The mean of an observable over the stationary part of a run. Null where there are too few samples for an
+/// error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RowMean {
     pub mean: Option<f64>,

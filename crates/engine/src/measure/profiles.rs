@@ -134,8 +134,8 @@ impl Profile {
         Some(cell)
     }
 
-    /// Adds a transfer at `time` from `start` along `branch`, to each cell its part of the line; `shares` are the
-    /// places of the bodies that change, each of which has the same share of it.
+    /// Adds a transfer at `time` from `start` along `branch`, to each cell its part of the line; `shares` are
+    /// the places of the bodies that change, each of which has the same share of it.
     fn transfer(&mut self, time: f64, [start, branch]: [DVec3; 2], virial: Tensor, shares: &[Option<usize>]) {
         let share = 1.0 / shares.len() as f64;
         let mut faces = std::mem::take(&mut self.faces);

@@ -10,8 +10,8 @@ pub struct Drive {
     /// Species that it acts on, as indices into [`System::species`]. It never acts on bodies of infinite
     /// mass.
     pub species: Vec<u32>,
-    /// Whether it also acts on the angular velocities: each degree of freedom of the rotation gets what one of
-    /// the translation gets. Only with spin, and not for a drive of another crate.
+    /// Whether it also acts on the angular velocities: each degree of freedom of the rotation gets what one
+    /// of the translation gets. Only with spin, and not for a drive of another crate.
     pub rotational: bool,
 }
 

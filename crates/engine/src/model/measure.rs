@@ -112,8 +112,8 @@ pub struct Correlations {
     pub stress: bool,
     /// Time between states: the shortest lag \[time\].
     pub interval: f64,
-    /// Largest number of particles whose displacements and velocities are followed in each curve; of more, this
-    /// many are chosen at equal distances in their order.
+    /// Largest number of particles whose displacements and velocities are followed in each curve; of more,
+    /// this many are chosen at equal distances in their order.
     pub tracers: usize,
 }
 

@@ -32,8 +32,8 @@ pub struct ProfileRow {
     pub step: u64,
     /// Of all particles.
     pub all: CellFields,
-    /// Of each species of the grid. Densities, pressures and number densities times temperatures of all species
-    /// of a scene add up to those of all particles.
+    /// Of each species of the grid. Densities, pressures and number densities times temperatures of all
+    /// species of a scene add up to those of all particles.
     pub species: Vec<CellFields>,
 }
 
@@ -56,8 +56,8 @@ pub struct CellFields {
     pub velocity: Vec<DVec3>,
     /// Σ m|v − u|²/(d N) \[energy\]; NaN in an empty cell.
     pub temperature: Vec<f64>,
-    /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d]. Of a contact of two species each has
-    /// half.
+    /// Pressure tensor relative to u, d·d numbers a cell [energy/length^d]. Of a contact of two species each
+    /// has half.
     pub pressure: Vec<f64>,
 }
 

@@ -109,8 +109,8 @@ pub struct Counters {
     pub fixed_collisions: u64,
     /// Sphere–wall collisions.
     pub wall_collisions: u64,
-    /// Those of all collisions that a body has at the very instant of its event before: of another contact, or of
-    /// a kick. Their order matters, see docs/simultaneous.md.
+    /// Those of all collisions that a body has at the very instant of its event before: of another contact,
+    /// or of a kick. Their order matters, see docs/simultaneous.md.
     pub simultaneous: u64,
     /// Completed series of bounces, and particles put to rest.
     pub rests: u64,

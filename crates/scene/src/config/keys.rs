@@ -162,9 +162,9 @@ pub struct DriveConfig {
     /// Names of the species that it acts on; default all. Bodies of infinite mass are never driven.
     #[schemars(length(min = 1))]
     pub species: Option<Vec<String>>,
-    /// `true`: it drives the spins, too, each of their degrees of freedom as one of the translation. Rescale and
-    /// Andersen: to the same temperature. White noise: the variance of each component grows by `strength` m/I.
-    /// Only with spin. Default false.
+    /// `true`: it drives the spins, too, each of their degrees of freedom as one of the translation. Rescale
+    /// and Andersen: to the same temperature. White noise: the variance of each component grows by `strength`
+    /// m/I. Only with spin. Default false.
     pub rotational: Option<bool>,
     /// Of a drive that the program has from another crate: its parameters.
     pub parameters: Option<BTreeMap<String, serde_json::Value>>,

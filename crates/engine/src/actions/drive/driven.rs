@@ -32,9 +32,9 @@ impl Driven {
         Self { particles, dimension: system.dimension.count(), rotational }
     }
 
-    /// A normal number for each axis of rotation of a particle in its next event, times √(m/I): `spread` times
-    /// this is the angular velocity, or its change, if `spread` times a normal number is that of a component of
-    /// the velocity. `None` if the drive does not act on rotations.
+    /// A normal number for each axis of rotation of a particle in its next event, times √(m/I): `spread`
+    /// times this is the angular velocity, or its change, if `spread` times a normal number is that of a
+    /// component of the velocity. `None` if the drive does not act on rotations.
     pub fn turns(&self, state: &State, seed: u64, i: u32) -> Option<DVec3> {
         let spins = self.rotational.then_some(state.world.spin.as_deref()).flatten()?;
         let (class, count) = (state.world.class(i), u64::from(state.world.particles[i as usize].count));
@@ -45,8 +45,8 @@ impl Driven {
     }
 }
 
-/// Gives particle i a new velocity at the present, and a new angular velocity if there is one, and adds the work
-/// and the impulse to the accumulators. The energy is that of the peculiar velocity.
+/// Gives particle i a new velocity at the present, and a new angular velocity if there is one, and adds the
+/// work and the impulse to the accumulators. The energy is that of the peculiar velocity.
 pub(super) fn kick(
     state: &mut State,
     i: u32,

@@ -55,7 +55,8 @@ impl TimedAction for Rescale {
 }
 
 /// Rescales the velocities of some particles, relative to their center of mass, so that they have a
-/// temperature; by a rotational drive the angular velocities, too. Returns the factor; `None`, with nothing changed, if they have no relative motion.
+/// temperature; by a rotational drive the angular velocities, too. Returns the factor; `None`, with nothing
+/// changed, if they have no relative motion.
 pub(super) fn rescale(
     driven: &Driven,
     temperature: f64,
@@ -88,8 +89,8 @@ pub(super) fn rescale(
     Ok(Some(factor))
 }
 
-/// The factor by which a rotational drive multiplies angular velocities, so that those of the driven particles
-/// have the temperature, too. `None` if it does not, or if nothing turns.
+/// The factor by which a rotational drive multiplies angular velocities, so that those of the driven
+/// particles have the temperature, too. `None` if it does not, or if nothing turns.
 fn spin_factor(driven: &Driven, temperature: f64, state: &State) -> Option<f64> {
     if !driven.rotational {
         return None;

@@ -3,9 +3,9 @@
 //!
 //! Kicks at the times of a Poisson process are exact in event time: they give each particle the mean power
 //! d m ξ₀²/2. Kicks of all particles at intervals have their mean taken out, so that they keep the momentum.
-//! A rotational drive changes the angular velocities, too: the variance of each component grows by ξ₀² m/I in a
-//! unit of time, so that a rotation gets the mean power m ξ₀²/2 of one component of the velocity.
-//! The numbers are hashes of the seed, the particle and its event count.
+//! A rotational drive changes the angular velocities, too: the variance of each component grows by ξ₀² m/I in
+//! a unit of time, so that a rotation gets the mean power m ξ₀²/2 of one component of the velocity. The
+//! numbers are hashes of the seed, the particle and its event count.
 
 use glam::DVec3;
 use haff_mechanics::random::Draw;

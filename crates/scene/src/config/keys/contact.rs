@@ -82,8 +82,8 @@ pub enum RestitutionConfig {
 }
 
 /// `{ model = "viscoelastic", coefficient = … }`, `{ model = "cutoff", restitution = …, speed = …, exponent =
-/// … }`, `{ model = "random", … }` (drawn anew in each contact), a measured table `{ speeds = […], values = […]
-/// }`, or a law of another crate.
+/// … }`, `{ model = "random", … }` (drawn anew in each contact), a measured table `{ speeds = […], values =
+/// […] }`, or a law of another crate.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestitutionModelConfig {
@@ -97,8 +97,8 @@ pub struct RestitutionModelConfig {
     /// Table: increasing approach speeds [length/time].
     #[schemars(inner(range(min = 0.0)))]
     pub speeds: Option<Vec<f64>>,
-    /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond. random:
-    /// each contact has one of these, all equally probable.
+    /// Table: the restitution at each of these speeds, in [0, 1]; linear between them, constant beyond.
+    /// random: each contact has one of these, all equally probable.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub values: Option<Vec<f64>>,
     /// random: the restitution is uniform between these two, in [0, 1].

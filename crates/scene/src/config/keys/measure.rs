@@ -19,8 +19,8 @@ pub struct MeasureConfig {
     pub wall_forces: Option<bool>,
     /// Profiles along an axis, or on a grid: density, velocity, temperature and pressure tensor.
     pub profiles: Option<Vec<ProfileConfig>>,
-    /// The mean square displacement by lag: `correlations/msd`. `true`: of all particles together; or with a curve
-    /// for each of some species.
+    /// The mean square displacement by lag: `correlations/msd`. `true`: of all particles together; or with a
+    /// curve for each of some species.
     pub msd: Option<FollowedConfig>,
     /// The autocorrelation of velocities by lag: `correlations/vacf`, as `msd`.
     pub vacf: Option<FollowedConfig>,
@@ -71,7 +71,8 @@ pub struct ProfileConfig {
     /// oscillation of a wall, nor a drive, is always met at the same phase. `false`: at equal times, the last
     /// one at the end of the interval.
     pub spread: Option<bool>,
-    /// `"each"`, or names of species: they have fields of their own, too, `species_density` and so on. Default none.
+    /// `"each"`, or names of species: they have fields of their own, too, `species_density` and so on.
+    /// Default none.
     pub species: Option<SpeciesChoice>,
     /// The range that the cells divide [length], two numbers for each axis; default the box. An open axis
     /// needs it.
