@@ -354,6 +354,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "domain": _BOX,
         "species": [_GRAIN, {**_GRAIN, "name": "other", "count": 20}],
         "measure": {
+            "pair_collisions": True,
             "msd": {"species": "each"},
             "vacf": {"species": ["other"]},
             "interval": 0.05,

@@ -25,6 +25,7 @@ SCENE = {
             {"axis": "z", "bins": 6, "interval": 1.0, "species": "each"},
             {"axis": "xz", "bins": [2, 3], "interval": 2.0, "species": ["dust"]},
         ],
+        "pair_collisions": True,
         "msd": {"species": ["dust", "grain"]},
         "vacf": True,
         "interval": 0.1,
@@ -75,6 +76,20 @@ def test_a_live_simulation_has_the_same(run):
     profile, msd = simulation.take_profiles()["z"], simulation.correlations["msd"]
     assert profile.equals(run.profiles["z"])
     assert msd.equals(run.correlations["msd"])
+
+
+def test_rates_of_pairs_of_species(run):
+    table, dataset = run.observables.iloc[1:], run.to_xarray()
+    rate = dataset.pair_collision_rate
+    assert rate.dims == ("time", "species", "partner") and rate.attrs["units"] == "1/time"
+    between = table["pair_collision_rate_grain_dust"]
+    assert np.array_equal(between, table["pair_collision_rate_dust_grain"])
+    names = ["grain", "dust", "pin"]
+    pairs = [f"pair_collision_rate_{a}_{b}" for k, a in enumerate(names) for b in names[k:]]
+    assert np.allclose(table[pairs].sum(axis=1), table["collision_rate"])
+    ended = table["pair_collision_rate_dust_dust"] * 2 + between + table["pair_collision_rate_dust_pin"]
+    assert np.allclose(table["species_mean_free_time_dust"], 100 / ended)
+    assert np.isnan(table["species_mean_free_time_pin"]).all()
 
 
 def test_species_mix(run):

@@ -382,6 +382,8 @@ impl Simulation {
             box_volume: f64::NAN,
             packing_fraction: f64::NAN,
             stress: None,
+            pair_collision_rate: Vec::new(),
+            species_mean_free_time: Vec::new(),
             wall_force: Vec::new(),
             wall_heat_flow: Vec::new(),
             probes: Vec::new(),

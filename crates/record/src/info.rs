@@ -451,6 +451,8 @@ fn read_sample(file: &Group, observables: &Observables, row: usize) -> hdf5::Res
             (Some(kinetic), Some(collisional)) => Some(StressTensor { kinetic, collisional }),
             _ => None,
         },
+        pair_collision_rate: read("pair_collision_rate")?,
+        species_mean_free_time: read("species_mean_free_time")?,
         wall_force: vectors(&read("wall_force")?),
         wall_heat_flow: read("wall_heat_flow")?,
         piston_position: vectors(&read("piston_position")?),

@@ -73,6 +73,7 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
         + observables(&SceneFeatures {
             stress: false,
             wall_forces: false,
+            pair_collisions: false,
             compression: false,
             flow: false,
             pistons: size.pistons > 0,

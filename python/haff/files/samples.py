@@ -27,6 +27,8 @@ ENERGIES = (
     "kinetic_energy rotational_energy piston_energy potential_energy gravity_energy spring_energy "
     "dissipated_energy carnot_energy"
 ).split()
+_PAIR = "pair_"
+"""How names of observables begin that have a value for each pair of species."""
 _WIDEST = 16
 """Components of an observable that is neither a vector nor one number a species."""
 
@@ -66,6 +68,7 @@ def columns(file: Header) -> tuple[Column, Column, dict[str, Column]]:
     stored, found = file.stored, {}
     wide = {3, len(file.species_names), len(file.wall_names), *range(1, _WIDEST + 1)}
     matrices = {(file.dimension, file.dimension), (len(file.wall_names), 3)}
+    matrices.add((len(file.species_names),) * 2)
     if file.pistons:
         matrices.add((len(file.pistons), 3))
     clock: tuple[Column, Column] | None = None
@@ -174,7 +177,9 @@ def dataset(file: Header) -> xarray.Dataset:
     for name, value in values.items():
         labels = _labels(file, name, value.shape[1:])
         dims = [_dimension(file, name, found) for found in labels]
-        if len(labels) == 2 and not any(labels[0] is known for _, known in _named(file)):
+        if len(labels) == 2 and name.startswith(_PAIR):
+            dims[1] = "partner"
+        elif len(labels) == 2 and not any(labels[0] is known for _, known in _named(file)):
             dims = ["row", "column"]
         coords |= zip(dims, labels)
         unit = file.stored.attribute(f"observables/{name}", "unit")
@@ -189,7 +194,7 @@ def _labels(file: Header, name: str, shape: tuple[int, ...]) -> list[list[str]]:
     for axis, width in enumerate(shape):
         # Two species or walls of the same name would share a column.
         for prefix, known in _named(file):
-            if axis == 0 and name.startswith(prefix) and width == len(known) == len(set(known)):
+            if (axis == 0 or prefix == _PAIR) and name.startswith(prefix) and width == len(known) == len(set(known)):
                 labels.append(known)
                 break
         else:
@@ -200,7 +205,8 @@ def _labels(file: Header, name: str, shape: tuple[int, ...]) -> list[list[str]]:
 
 def _named(file: Header) -> tuple[tuple[str, list[str]], ...]:
     """How names of observables begin that have a value for each species, wall or piston, and the names of these."""
-    return ("species_", file.species_names), ("wall_", file.wall_names), ("piston_", file.pistons)
+    species = file.species_names
+    return ("species_", species), (_PAIR, species), ("wall_", file.wall_names), ("piston_", file.pistons)
 
 
 def _dimension(file: Header, name: str, labels: list[str]) -> str:

@@ -176,7 +176,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
             (false, true) => (&changes[..1], ri, n * distance),
             (true, _) => (&changes[1..], rj, n * -distance),
         };
-        let partner = Partner::Particle { position, branch };
+        let partner = Partner::Particle { bodies: [i, j], position, branch };
         observer.exchange(&Exchange { time: now, changes, partner });
         let contact_point = state.world.wrap(ri + n * a.radius, time).0;
         let mut row = row(now, EventKind::Collision, [i, j], &impact, n, contact_point);

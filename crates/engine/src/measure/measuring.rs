@@ -13,7 +13,7 @@
 //! before.
 
 use crate::{
-    measure::{correlations, measurement::Measurement, probing, profiles, stress},
+    measure::{correlations, measurement::Measurement, pair_rates, probing, profiles, stress},
     model::System,
     motion::flights,
     report::{EventRecord, Exchange, Observer, ProfileRow},
@@ -32,6 +32,9 @@ pub(crate) fn measurements(system: &System, state: &State) -> Vec<Box<dyn Measur
     }
     if measure.correlations.any() {
         measurements.push(Box::new(correlations::Correlator::new(system, state)));
+    }
+    if measure.pair_collisions {
+        measurements.push(Box::new(pair_rates::PairRates::new(system, &state.world)));
     }
     for probe in &measure.probes {
         measurements.push(Box::new(probing::Probing::new(probe, system.dimension.count())));

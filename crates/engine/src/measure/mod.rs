@@ -30,6 +30,7 @@ pub(crate) mod frame;
 pub(crate) mod measurement;
 pub(crate) mod measuring;
 mod multiple_tau;
+mod pair_rates;
 mod probing;
 mod profiles;
 pub(crate) mod sample;

@@ -317,7 +317,7 @@ impl Profile {
 
 impl Measurement for Profile {
     fn exchange(&mut self, exchange: &Exchange) {
-        if let (Partner::Particle { branch, position }, Some(change)) =
+        if let (Partner::Particle { branch, position, .. }, Some(change)) =
             (exchange.partner, exchange.changes.first())
         {
             let impulse = -change.mass * (change.after - change.before);

@@ -114,6 +114,8 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
         stress: None,
         wall_force: Vec::new(),
         wall_heat_flow: Vec::new(),
+        pair_collision_rate: Vec::new(),
+        species_mean_free_time: Vec::new(),
         piston_position: pistons.iter().map(|[position, _]| *position).collect(),
         piston_velocity: pistons.iter().map(|[_, velocity]| *velocity).collect(),
         probes: Vec::new(),

@@ -32,6 +32,8 @@ pub struct VelocityChange {
 pub enum Partner {
     /// Another particle, or a body of infinite mass.
     Particle {
+        /// Both bodies, as indices.
+        bodies: [u32; 2],
         /// Center of the first particle \[length\].
         position: DVec3,
         /// Vector from there to the center of the other one.

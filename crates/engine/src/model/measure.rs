@@ -11,6 +11,8 @@ pub struct Measure {
     pub stress: bool,
     /// The force and the heat of each wall, in samples.
     pub wall_forces: bool,
+    /// The rates of collisions by pair of species, in samples.
+    pub pair_collisions: bool,
     /// Profiles.
     pub profiles: Vec<Grid>,
     /// Correlations in time.

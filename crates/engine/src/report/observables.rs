@@ -25,6 +25,8 @@ pub enum Quantity {
     Vector(fn(&Sample) -> DVec3),
     /// A number for each species.
     PerSpecies(fn(&Sample) -> &[f64]),
+    /// A number for each pair of species.
+    PerPair(fn(&Sample) -> &[f64]),
     /// A number for each wall.
     PerWall(fn(&Sample) -> &[f64]),
     /// A vector for each wall.
@@ -79,6 +81,8 @@ pub struct SceneFeatures {
     pub stress: bool,
     /// The forces on walls are measured.
     pub wall_forces: bool,
+    /// The rates of collisions by pair of species are measured.
+    pub pair_collisions: bool,
     /// Particles come and go.
     pub flow: bool,
     /// There are pistons.
@@ -103,6 +107,7 @@ impl SceneFeatures {
             compression: system.domain.compression.is_some(),
             stress: system.measure.stress,
             wall_forces: system.measure.wall_forces && !system.walls.is_empty(),
+            pair_collisions: system.measure.pair_collisions && !system.species.is_empty(),
             flow: system.flow.is_some(),
             pistons: system.piston_count() > 0,
             terms: Term::ALL.map(|term| term.exists(system)),
@@ -132,6 +137,7 @@ impl SceneFeatures {
             compression: true,
             stress: true,
             wall_forces: true,
+            pair_collisions: true,
             flow: true,
             pistons: true,
             terms: [true; Term::ALL.len()],
@@ -156,7 +162,7 @@ const ENERGIES: [Observable; 8] = [
 ];
 
 /// Rows after the terms of the energy balance.
-const OTHERS: [Observable; 27] = [
+const OTHERS: [Observable; 29] = [
     row("ledger_residual", "1", Quantity::Real(|s| s.ledger.residual), always),
     row("temperature", ENERGY, Quantity::Real(|s| s.temperature), always),
     row("species_temperature", ENERGY, Quantity::PerSpecies(|s| &s.species_temperature), |p| p.species),
@@ -190,6 +196,12 @@ const OTHERS: [Observable; 27] = [
     row("wall_collisions", "1", Quantity::Count(|s| s.wall_collisions), always),
     row("collision_rate", "1/time", Quantity::Real(|s| s.collision_rate), always),
     row("mean_free_time", "time", Quantity::Real(|s| s.mean_free_time), always),
+    row("pair_collision_rate", "1/time", Quantity::PerPair(|s| &s.pair_collision_rate), |p| {
+        p.pair_collisions
+    }),
+    row("species_mean_free_time", "time", Quantity::PerSpecies(|s| &s.species_mean_free_time), |p| {
+        p.pair_collisions
+    }),
     row("particles", "1", Quantity::Count(|s| s.particles), |p| p.flow),
     row("particles_in", "1", Quantity::Count(|s| s.particles_in), |p| p.flow),
     row("particles_out", "1", Quantity::Count(|s| s.particles_out), |p| p.flow),
@@ -267,6 +279,7 @@ impl Quantity {
             Self::Real(_) | Self::Count(_) | Self::Term(_) | Self::Probe { components: 1, .. } => Vec::new(),
             Self::Vector(_) => vec![3],
             Self::PerSpecies(_) => vec![sizes.species],
+            Self::PerPair(_) => vec![sizes.species; 2],
             Self::PerWall(_) => vec![sizes.walls],
             Self::VectorPerWall(_) => vec![sizes.walls, 3],
             Self::VectorPerPiston(_) => vec![sizes.pistons, 3],
@@ -281,7 +294,9 @@ impl Quantity {
             Self::Real(value) => numbers.push(value(sample)),
             Self::Count(value) => numbers.push(value(sample) as f64),
             Self::Vector(value) => numbers.extend(value(sample).to_array()),
-            Self::PerSpecies(values) | Self::PerWall(values) => numbers.extend(values(sample)),
+            Self::PerSpecies(values) | Self::PerPair(values) | Self::PerWall(values) => {
+                numbers.extend(values(sample));
+            }
             Self::VectorPerWall(values) | Self::VectorPerPiston(values) => {
                 numbers.extend(values(sample).iter().flat_map(DVec3::to_array));
             }

@@ -67,6 +67,13 @@ pub struct Sample {
     pub wall_force: Vec<DVec3>,
     /// See [`Self::wall_force`].
     pub wall_heat_flow: Vec<f64>,
+    /// Collisions per time since the previous sample by pair of species [1/time], symmetric, pairs of the
+    /// same species counted once; empty if they are not measured, NaN in the first sample.
+    pub pair_collision_rate: Vec<f64>,
+    /// N Δt over the number of flights that collisions have ended since the previous sample, by species
+    /// \[time\]; NaN in the first sample and for a species without bodies of finite mass, ∞ without a
+    /// collision.
+    pub species_mean_free_time: Vec<f64>,
     /// Position of a point of each piston \[length\].
     pub piston_position: Vec<DVec3>,
     /// Velocity of each piston [length/time].

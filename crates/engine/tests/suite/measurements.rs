@@ -46,6 +46,7 @@ fn measured_gas(packing_fraction: f64, e: f64) -> System {
     system.measure = Measure {
         stress: true,
         wall_forces: true,
+        pair_collisions: true,
         profiles: vec![
             grid(&system, &[(2, 7)], 0.5, 4),
             grid(&system, &[(0, 3), (1, 4), (2, 2)], 0.5, 4),

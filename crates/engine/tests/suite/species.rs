@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Correlations, Dimension, Followed, Grid, GridAxis, Measure, Options, ProfileRow, Silent,
-    Simulation, System, Until,
+    Boundary, Correlations, Dimension, EventKind, Followed, Grid, GridAxis, Measure, Options, ProfileRow,
+    Silent, Simulation, System, Until,
 };
 
 use crate::common::{Log, Random, add, check_independence, class, scatter, set_restitution, system};
@@ -151,10 +151,45 @@ fn curves_of_species_add_up_to_those_of_all_particles() {
     }
 }
 
+/// Rates of pairs are the rows of the log by species; contacts with the fixed body count for its species.
+#[test]
+fn rates_of_pairs_of_species_are_those_of_the_event_log() {
+    let mut scene = mixture(Dimension::Three);
+    scene.measure.pair_collisions = true;
+    let mut simulation = Simulation::new(scene.clone(), Options::default()).unwrap();
+    assert!(simulation.sample().pair_collision_rate.iter().all(|rate| rate.is_nan()));
+    for (start, end) in [(0.0, 3.0), (3.0, 7.5)] {
+        let mut log = Log::default();
+        simulation.advance(Until { time: end, ..Until::default() }, &mut log).unwrap();
+        let sample = simulation.sample();
+        let (mut counts, mut flights) = ([[0.0; 3]; 3], [0.0; 3]);
+        for row in log.0.iter().filter(|row| row.kind == EventKind::Collision) {
+            let [a, b] = [row.i, row.j].map(|i| scene.bodies[i as usize].species as usize);
+            counts[a][b] += 1.0;
+            if a != b {
+                counts[b][a] += 1.0;
+            }
+            // Body 0 is fixed.
+            for i in [row.i, row.j].into_iter().filter(|&i| i > 0) {
+                flights[scene.bodies[i as usize].species as usize] += 1.0;
+            }
+        }
+        let span = end - start;
+        let expected: Vec<f64> = counts.iter().flatten().map(|count| count / span).collect();
+        assert_eq!(sample.pair_collision_rate, expected);
+        let all: f64 = (0..3).map(|a| expected[4 * a] + expected[3 * a..3 * a + a].iter().sum::<f64>()).sum();
+        assert!((all - sample.collision_rate).abs() < 1e-12 * all);
+        for a in 0..3 {
+            assert_eq!(sample.species_mean_free_time[a], COUNTS[a] as f64 * span / flights[a]);
+        }
+    }
+}
+
 #[test]
 fn measurements_by_species_are_independent_of_search_slices_and_resumption() {
     let mut scene = mixture(Dimension::Three);
     scene.measure = Measure {
+        pair_collisions: true,
         profiles: vec![grid(&scene, &[(1, 4)], 5, true, &[0, 2])],
         correlations: Correlations {
             msd: Followed::Species(vec![0, 2]),

@@ -44,6 +44,7 @@ impl Assembler<'_> {
         let flags = [
             ("stress", on(measure.stress)),
             ("wall_forces", on(measure.wall_forces)),
+            ("pair_collisions", on(measure.pair_collisions)),
             ("msd", msd),
             ("vacf", vacf),
             ("stress_correlation", on(measure.stress_correlation)),
@@ -154,7 +155,8 @@ impl Assembler<'_> {
     pub(super) fn measure(&mut self, system: &System, run: &RunPlan, output: &OutputPlan) -> Measure {
         let Some(mut config) = self.config.measure.clone() else { return Measure::default() };
         let on = |flag: &mut Option<bool>| *flag.get_or_insert(false);
-        let MeasureConfig { stress, wall_forces, stress_correlation, .. } = &mut config;
+        let MeasureConfig { stress, wall_forces, pair_collisions, stress_correlation, .. } = &mut config;
+        let pair_collisions = on(pair_collisions);
         let (stress, wall_forces, stress_correlation) = (on(stress), on(wall_forces), on(stress_correlation));
         let msd = self.followed("msd", config.msd.get_or_insert(FollowedConfig::All(false)), system);
         let vacf = self.followed("vacf", config.vacf.get_or_insert(FollowedConfig::All(false)), system);
@@ -186,7 +188,7 @@ impl Assembler<'_> {
         let config_probes = config.probes.clone().unwrap_or_default();
         self.config.measure = Some(config);
         let probes = self.probes(config_probes);
-        Measure { stress, wall_forces, profiles: grids, correlations, probes }
+        Measure { stress, wall_forces, pair_collisions, profiles: grids, correlations, probes }
     }
 
     /// Whose displacements or velocities are followed.

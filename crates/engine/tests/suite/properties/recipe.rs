@@ -251,6 +251,7 @@ fn measure_all(scene: &System, random: &mut Random) -> Measure {
     Measure {
         stress: pressure,
         wall_forces: scene.contacts.rest_speed == 0.0,
+        pair_collisions: true,
         profiles: if closed { profiles } else { Vec::new() },
         correlations: Correlations {
             msd: haff_engine::Followed::All,

@@ -154,6 +154,8 @@ pub fn sample(k: u64) -> Sample {
         box_volume: x(19),
         packing_fraction: x(20),
         stress: Some(StressTensor { kinetic: [x(15); 9], collisional: [x(16); 9] }),
+        pair_collision_rate: vec![x(37), x(38), x(38), x(39)],
+        species_mean_free_time: vec![x(40), x(41)],
         wall_force: vec![vector(k, 23), vector(k, 24)],
         wall_heat_flow: vec![x(17), x(18)],
         piston_position: vec![vector(k, 35)],

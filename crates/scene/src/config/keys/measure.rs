@@ -17,6 +17,9 @@ pub struct MeasureConfig {
     /// The force of the particles on each wall and the heat that it gives to them, as means since the
     /// previous sample: `observables/wall_force` and `observables/wall_heat_flow`.
     pub wall_forces: Option<bool>,
+    /// Collisions per time by pair of species, and the mean free time of each species, as means since the
+    /// previous sample: `observables/pair_collision_rate` and `observables/species_mean_free_time`.
+    pub pair_collisions: Option<bool>,
     /// Profiles along an axis, or on a grid: density, velocity, temperature and pressure tensor.
     pub profiles: Option<Vec<ProfileConfig>>,
     /// The mean square displacement by lag: `correlations/msd`. `true`: of all particles together; or with a
