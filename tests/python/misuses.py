@@ -862,6 +862,8 @@ GOOD = {
     "c": 0.5,
     "speed": 1.0,
     "coefficient": 0.1,
+    "delta": 0.1,
+    "sigma_tracer": 2.0,
     "strength": 0.1,
     "T_rot": 1.0,
     "beta": 0.5,

@@ -125,7 +125,7 @@ def test_analyses_of_frames_take_a_species_by_name_or_index(run):
         analysis.scaled_velocities(frame, "pin")
 
 
-def test_partial_structure_factors_add_up():
+def test_partial_structure_factors_add_up(tmp_path):
     scene = {
         "domain": {"size": [8.0, 8.0, 8.0]},
         "species": [
@@ -134,19 +134,20 @@ def test_partial_structure_factors_add_up():
         ],
         "initial": {"positions": "random", "temperature": 1.0},
         "run": {"until": 5.0},
+        "output": {"frames": 5.0},
     }
-    simulation = haff.Simulation(scene)
-    simulation.advance(5.0)
-    frame = simulation.frame
-    options = {"k_max": 6.0, "bins": 12, "most_waves": 50}
-    total = analysis.static_structure([frame], **options)
-    aa, bb = (analysis.static_structure([frame], **options, species=name) for name in ("a", "b"))
-    ab = analysis.static_structure([frame], **options, species=("a", "b"))
-    # Σ √(x_a x_b) S_ab, Ashcroft and Langreth.
-    added = 0.6 * aa.value + 0.4 * bb.value + 2 * np.sqrt(0.24) * ab.value
-    assert np.allclose(added, total.value, rtol=1e-4, atol=1e-4)
-    same = analysis.static_structure([frame], **options, species=("a", 0))
-    assert np.array_equal(same.value, aa.value)
+    haff.run(scene, file=tmp_path / "mixture.h5")
+    with haff.open(tmp_path / "mixture.h5") as run:
+        frame = run.frames[-1]
+        options = {"k_max": 6.0, "bins": 12, "most_waves": 50}
+        total = analysis.static_structure([frame], **options)
+        aa, bb = (analysis.static_structure([frame], **options, species=name) for name in ("a", "b"))
+        ab = analysis.static_structure([frame], **options, species=("a", "b"))
+        # Σ √(x_a x_b) S_ab, Ashcroft and Langreth.
+        added = 0.6 * aa.value + 0.4 * bb.value + 2 * np.sqrt(0.24) * ab.value
+        assert np.allclose(added, total.value, rtol=1e-4, atol=1e-4)
+        same = analysis.static_structure([frame], **options, species=("a", 0))
+        assert np.array_equal(same.value, aa.value)
 
 
 def test_figures_have_a_curve_for_each_species(run):

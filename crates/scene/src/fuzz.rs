@@ -3,6 +3,8 @@
 //! Each test run tries about 20,000 inputs; `HAFF_FUZZ_INPUTS=1000000 cargo test --release -p haff-scene
 //! fuzz` tries more.
 
+mod words;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::assemble::{CHANGEABLE, Limits, Start, assemble, assemble_changed};
@@ -14,6 +16,7 @@ use crate::source::error::{SceneError, SceneErrors};
 use crate::source::text;
 use glam::DVec3;
 use haff_engine::{Boundary, Domain, Instant, Wall};
+use words::{CHANGES, KEYS, SCENES, VALUES};
 
 /// Few particles, so that one input takes little time.
 const LIMITS: Limits = Limits { particles: 300, memory: 1 << 28 };
@@ -26,229 +29,6 @@ impl StateSource for AnyState {
         if path.as_os_str().len().is_multiple_of(3) { Err("unreadable".into()) } else { Ok(self.0.clone()) }
     }
 }
-
-const VALUES: &[&str] = &[
-    "0",
-    "1",
-    "2",
-    "3",
-    "-1",
-    "0.5",
-    "-0.5",
-    "1.2",
-    "1e-300",
-    "1e300",
-    "1e-12",
-    "1e50",
-    "1e-50",
-    "nan",
-    "inf",
-    "-inf",
-    "20",
-    "1e18",
-    "9223372036854775807",
-    "-9223372036854775808",
-    "99999999999999999999",
-    "true",
-    "false",
-    "\"\"",
-    "\"grain\"",
-    "\"ball\"",
-    "\"x-\"",
-    "\"periodic\"",
-    "\"random\"",
-    "\"fcc\"",
-    "\"hexagonal\"",
-    "\"lattice\"",
-    "\"2h\"",
-    "\"cells\"",
-    "\"é∞\"",
-    "[]",
-    "[0]",
-    "[0, 0, 0]",
-    "[1, 2]",
-    "[1.5, 2.5, 3.5]",
-    "[-1, 0, 0]",
-    "[0, 0, 1]",
-    "[5, 5, 5]",
-    "[10, 10, 10]",
-    "[1e300, 0, 0]",
-    "[nan, 0, 0]",
-    "[3, 3]",
-    "[1e9, 1e-9, 1]",
-    "[\"periodic\", \"wall\", \"open\"]",
-    "[\"wall\", \"wall\"]",
-    "[\"grain\", \"ball\"]",
-    "{}",
-    "{ rate = 0.01 }",
-    "{ rates = [0.02, -0.01, 0] }",
-    "{ rate = 0.01, until_packing_fraction = 0.2 }",
-    "{ rate = 0.01, temperature = 1, until_reduced_pressure = 20 }",
-    "{ file = \"s.h5\" }",
-    "{ file = \"ab.h5\" }",
-    "{ uniform = [0.4, 0.6] }",
-    "{ uniform = [1e-40, 1] }",
-    "{ normal = [0.5, 0.1] }",
-    "{ normal = [0.5, 100], max = 0.51 }",
-    "{ normal = [1, 1e-9], min = 2 }",
-    "{ log = [0.1, 1.5] }",
-    "{ columns = [\"time\", \"j\"] }",
-    "[\"i\", \"i\"]",
-    "\"none\"",
-    "{ log = [1, 1.0000000001] }",
-    "{ model = \"viscoelastic\", coefficient = 0.1 }",
-    "{ model = \"cutoff\", restitution = 0.5, speed = 1 }",
-    "{ model = \"random\", uniform = [0.5, 0.9] }",
-    "{ model = \"random\", values = [0.5, 1.5] }",
-    "{ species = \"each\" }",
-    "{ species = [\"grain\"] }",
-    "\"each\"",
-    "{ point = [0, 0, 1], normal = [0, 0, 1] }",
-    "1979-05-27",
-    "''",
-    "18446744073709551615",
-    "1e19",
-    "1e-30",
-    "\"a\\u0000b\"",
-    "\"\\u001b[2J\\r\\nerror: forged\\u202e\"",
-    "[\"\\u0007\", \"grain\"]",
-    "[-0.8, -0.6, 0]",
-    "[0, 1e-17, 1]",
-    "{ point = [1, 1, 1], normal = [0.8, 0, 0.6] }",
-    "{ uniform = [0.4, 0.6], b = 1, a = 2 }",
-    "[{ name = \"a\" }, { radius = 1, x = 1, y = 2 }, 5]",
-    "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23]",
-];
-
-const KEYS: &[&str] = &[
-    "schema",
-    "title",
-    "seed",
-    "dimension",
-    "domain",
-    "domain.size",
-    "domain.packing_fraction",
-    "domain.boundary",
-    "domain.gravity",
-    "domain.compression",
-    "domain.compression.rate",
-    "domain.compression.rates",
-    "growth",
-    "growth.rate",
-    "growth.temperature",
-    "growth.until_packing_fraction",
-    "growth.until_reduced_pressure",
-    "initial",
-    "initial.positions",
-    "initial.temperature",
-    "contact",
-    "contact.restitution",
-    "contact.wall_restitution",
-    "contact.added_speed",
-    "contact.tc",
-    "contact.rest_speed",
-    "contact.pair",
-    "contact.pair.0.between",
-    "contact.pair.0.restitution",
-    "engine.neighbors",
-    "engine.simd",
-    "run",
-    "run.until",
-    "run.collisions",
-    "run.collisions_per_particle",
-    "run.wall_time",
-    "output",
-    "output.file",
-    "output.frames",
-    "output.observables",
-    "output.events",
-    "output.events.columns",
-    "output.compression",
-    "output.checkpoint",
-    "species",
-    "species.0",
-    "species.0.name",
-    "species.0.count",
-    "species.0.radius",
-    "species.0.mass",
-    "species.0.density",
-    "species.0.temperature",
-    "species.grain.radius",
-    "particle",
-    "particle.0.position",
-    "particle.0.velocity",
-    "particle.0.radius",
-    "particle.0.mass",
-    "particle.ball.radius",
-    "particle.ball.density",
-    "wall",
-    "wall.0.name",
-    "wall.0.plane",
-    "wall.0.plane.normal",
-    "wall.0.plane.point",
-    "wall.0.velocity",
-    "wall.0.restitution",
-    "wall.0.added_speed",
-    "wall.0.reference_time",
-    "wall.0.displacement",
-    "wall.0.motion",
-    "wall.0.motion.amplitude",
-    "wall.0.motion.frequency",
-    "wall.0.motion.phase",
-    "wall.0.temperature",
-    "wall.0.accommodation",
-    "drive",
-    "drive.0.kind",
-    "drive.0.temperature",
-    "drive.0.interval",
-    "drive.0.rate",
-    "drive.0.species",
-    "drive.0.rotational",
-    "measure",
-    "measure.msd",
-    "measure.vacf",
-    "measure.interval",
-    "measure.profiles",
-    "measure.profiles.0.species",
-    "inlet.0.species",
-    "inlet.0.box",
-    "inlet.0.rate",
-    "inlet.0.count",
-    "outlet",
-    "outlet.0.box",
-    "x",
-    "a.b.c",
-    "species.9.count",
-    "output.frames.log",
-    "",
-    ".",
-    "domain.size.0",
-    "domain.size.1",
-    "\"\\u001b[31m\"",
-    "\"a\\nerror: b\".c",
-    "pendulum.0.name",
-    "spring",
-    "rod",
-];
-
-const SCENES: &[&str] = &[
-    "schema = 1\n[domain]\nsize = [10, 10, 10]\n[[species]]\nname = \"grain\"\ncount = 20\nradius = 0.5\nmass = 1\n[[particle]]\n\
-     name = \"ball\"\nposition = [5, 5, 5]\nradius = 1.5\nmass = inf\n[contact]\nrestitution = 0.9\n[[contact.pair]]\n\
-     between = [\"grain\", \"ball\"]\nrestitution = 0.5\n[initial]\npositions = \"lattice\"\n[run]\nuntil = 1\n",
-    "dimension = 2\n[domain]\npacking_fraction = 0.4\nboundary = [\"wall\", \"periodic\"]\n[[species]]\nname = \"grain\"\ncount = 60\n\
-     radius = { uniform = [0.3, 0.6] }\ndensity = 1\n[initial]\npositions = \"random\"\n[run]\ncollisions_per_particle = 10\n[output]\nframes = false\n",
-    "[domain]\ngravity = [0, 0, -9.81]\n[[wall]]\nname = \"floor\"\nplane = { point = [0, 0, 0], normal = [0, 0, 2] }\n[[particle]]\n\
-     name = \"ball\"\nposition = [0, 0, 1]\nradius = 0.1\nmass = 1\n[run]\nuntil = 5\nwall_time = \"1h\"\n[output]\nfile = \"a.h5\"\nevents = true\n",
-    "[domain]\nsize = [6, 6, 6]\nboundary = [\"periodic\", \"wall\", \"open\"]\n[[species]]\nname = \"grain\"\ncount = 3\nradius = 0.5\n\
-     mass = 1\n[[species]]\nname = \"dust\"\ncount = 30\nradius = { normal = [0.1, 0.02] }\ndensity = 2\ntemperature = 3\n[initial]\n\
-     positions = { file = \"s.h5\" }\n[run]\ncollisions = 50\n[output]\nframes = { log = [0.1, 1.5] }\n",
-    "[domain]\nsize = [8, 8, 8]\nboundary = [\"periodic\", \"wall\", \"open\"]\ngravity = [0, -1, 0]\n[[wall]]\nname = \"slope\"\n\
-     plane = { point = [0, 1, 0], normal = [0, 2, 1] }\n[[particle]]\nname = \"ball\"\nposition = [4, 5, 1]\nradius = 0.5\nmass = 1\n\
-     [[particle]]\nposition = [1, 4, 0]\nradius = 0.25\nmass = 2\n[run]\nuntil = 1\n",
-    "[domain]\nsize = [8, 8, 20]\nboundary = [\"periodic\", \"wall\", \"wall\"]\ngravity = [0, 0, -1]\n[[species]]\nname = \"grain\"\n\
-     count = 0\nradius = { uniform = [0.4, 0.5] }\nmass = 1\n[[inlet]]\nspecies = \"grain\"\nbox = [[1, 1, 15], [7, 7, 19]]\nrate = 5\ncount = 100\n\
-     [[inlet]]\nrefill = true\nbox = [[1, 1, 10], [7, 7, 12]]\ntemperature = 0.1\n[[outlet]]\nbox = [[0, 0, 0], [8, 8, 2]]\n[run]\nuntil = 1\n",
-];
 
 /// More unknown keys than errors are kept.
 fn many_keys(random: &mut Stream) -> String {
@@ -433,25 +213,6 @@ fn check(case: u64) -> Result<bool, String> {
         }
     }
 }
-
-/// Keys of walls that change while a run goes on, without a jump.
-const CHANGES: &[&str] = &[
-    "velocity=[0.0, 0.0, 0.0]",
-    "velocity=[0.1, 0.0, -0.3]",
-    "velocity=[0.0, 0.0]",
-    "motion={ kind = \"sine\", amplitude = 0.1, frequency = 1.3 }",
-    "motion={ kind = \"triangle\", amplitude = 0.3, frequency = 0.1 }",
-    "motion.amplitude=0.05",
-    "motion.frequency=2.0",
-    "motion.kind=\"triangle\"",
-    "motion.phase=nan",
-    "restitution=0.5",
-    "velocity=[nan, 0, 0]",
-    "motion={}",
-    "motion=3",
-    "plane={}",
-    "displacement=nan",
-];
 
 /// Goes on from an accepted scene with a changed wall: it stays where it is, and the resolved scene has it
 /// there.

@@ -17,7 +17,7 @@ use crate::{
     motion::flow_work,
     numerics::error::EngineError,
     report::ledger::Term,
-    state::{accumulators::Accumulators, world::World},
+    state::{State, accumulators::Accumulators, world::World},
 };
 
 /// A penetration is corrected if it is more than this fraction of the coordinates.
@@ -110,6 +110,18 @@ fn velocity_error(world: &World, i: u32, velocity: DVec3, time: i64) -> EngineEr
     } else {
         EngineError::Overflow { time: world.clock.shown(time), i, velocity: velocity.to_array() }
     }
+}
+
+/// Counts a contact at `time`, before it sets anchors, if one of its bodies has had an event then.
+#[cold]
+#[inline(never)]
+pub(crate) fn count_tie(state: &mut State, bodies: &[u32], time: i64) {
+    let is_tie = |&i: &u32| {
+        let particle = &state.world.particles[i as usize];
+        // At the start all anchors have the time of the start, and no events.
+        particle.time == time && particle.count != 0
+    };
+    state.accumulators.counters.simultaneous += u64::from(bodies.iter().any(is_tie));
 }
 
 /// Adds the virial of an impact at `now`, 0 for a wall, and its losses. A negative loss, of bodies that

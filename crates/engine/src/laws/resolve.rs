@@ -7,7 +7,7 @@ use haff_mechanics::{Impact, work_of_moving_body};
 
 use crate::{
     laws::{
-        contact::{add_impact, check_velocity, touch},
+        contact::{add_impact, check_velocity, count_tie, touch},
         deforming,
         pair_law::{self, PairContact},
         rough::{self, RoughPair},
@@ -120,9 +120,11 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         flights::end(state, i, time);
         flights::end(state, j, time);
     }
+    let world = &state.world;
+    if [i, j].iter().any(|&i| world.particles[i as usize].time == time) {
+        count_tie(state, &[i, j], time);
+    }
     let world = &mut state.world;
-    let is_tie = |i: u32| world.particles[i as usize].has_had_event_at(time);
-    let ties = u64::from(is_tie(i) || is_tie(j));
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
     if a.inverse_mass != 0.0 {
@@ -146,7 +148,6 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
 
     let accumulators = &mut state.accumulators;
     accumulators.counters.collisions += 1;
-    accumulators.counters.simultaneous += ties;
     // In a box that is compressed the volume at the impact counts.
     let virial = impact.impulse * distance;
     let virial = if F::DEFORMS { virial * state.world.pressure_weight(time) } else { virial };

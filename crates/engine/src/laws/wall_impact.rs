@@ -9,7 +9,7 @@ use haff_mechanics::{
 use crate::{
     laws::{
         carried,
-        contact::{add_impact, check_velocity},
+        contact::{add_impact, check_velocity, count_tie},
         hop,
         pair_law::{coefficient, impact_with_separation, random_bits},
         resting,
@@ -195,7 +195,9 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
     flights::end(state, i, time);
-    let ties = u64::from(state.world.particles[i as usize].has_had_event_at(time));
+    if state.world.particles[i as usize].time == time {
+        count_tie(state, &[i], time);
+    }
     state.world.particles[i as usize].set_anchor(position, velocity, time);
     state.world.note_contact(i, time);
     let now = state.world.clock.shown(time);
@@ -206,7 +208,6 @@ pub(crate) fn reflect<const EVENTS: bool>(
     }
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
-    accumulators.counters.simultaneous += ties;
     accumulators.add_energy(term, now, 0.5 * class.mass * change.dot(before + after));
     if wall_velocity != DVec3::ZERO {
         accumulators.add_energy(Term::WallWork, now, class.mass * change.dot(wall_velocity));
@@ -245,12 +246,14 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     if F::GRAVITY || F::DEFORMS {
         flights::end(state, i, time);
     }
+    if state.world.particles[i as usize].time == time {
+        count_tie(state, &[i], time);
+    }
     let world = &mut state.world;
     let class = *world.class(i);
     let before = if F::GRAVITY { (world.support(i), world.acceleration(i)) } else { Default::default() };
     // A fixed or driven body that a piston strikes: nothing changes its flight.
     let is_struck = F::PISTONS && class.inverse_mass == 0.0;
-    let ties = u64::from(world.particles[i as usize].has_had_event_at(time));
     if !is_struck {
         world.particles[i as usize].set_anchor(position, after, time);
     }
@@ -264,7 +267,6 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     let now = world.clock.shown(time);
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
-    accumulators.counters.simultaneous += ties;
     add_impact::<F>(accumulators, now, 0.0, &impact);
     if !is_struck {
         accumulators.add_impulse(n * -impact.impulse);

@@ -43,12 +43,6 @@ impl Particle {
         self.count = self.count.wrapping_add(1);
     }
 
-    /// Whether its last own event was at `time` [ticks]: a contact then is simultaneous with it.
-    #[inline(always)]
-    pub fn has_had_event_at(&self, time: i64) -> bool {
-        self.time == time && self.count != 0
-    }
-
     #[inline(always)]
     pub fn class(&self) -> usize {
         (self.class & !FLAGS) as usize
