@@ -1,6 +1,7 @@
 //! What a measurement is, and how it receives events and states.
 
 use crate::{
+    measure::sample::Species,
     model::Exchange,
     numerics::{error::EngineError, words::Words},
     report::Correlation,
@@ -19,6 +20,9 @@ pub(crate) trait Measurement: Send {
 
     /// Goes on with the particles of another world, which has replaced the previous one at `time`.
     fn replace(&mut self, _world: &World, _time: f64) {}
+
+    /// The particles of the world have other indices, since some have come or gone.
+    fn renumber(&mut self, _species: &Species, _world: &World) {}
 
     /// The next time of a state \[ticks\]; `i64::MAX` for never.
     fn next(&self, _state: &State) -> i64 {

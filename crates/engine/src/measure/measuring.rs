@@ -13,7 +13,9 @@
 //! before.
 
 use crate::{
-    measure::{correlations, measurement::Measurement, pair_rates, probing, profiles, stress},
+    measure::{
+        correlations, measurement::Measurement, pair_rates, probing, profiles, sample::Species, stress,
+    },
     model::System,
     motion::flights,
     report::{EventRecord, Exchange, Observer, ProfileRow},
@@ -23,18 +25,19 @@ use crate::{
 /// The measurements of a system in its initial state. The system must still have its bodies.
 pub(crate) fn measurements(system: &System, state: &State) -> Vec<Box<dyn Measurement>> {
     let measure = &system.measure;
+    let species = Species::new(system);
     let mut measurements: Vec<Box<dyn Measurement>> = Vec::new();
     if measure.stress {
         measurements.push(Box::new(stress::Stress::new(system, &state.world)));
     }
     for (index, grid) in measure.profiles.iter().enumerate() {
-        measurements.push(Box::new(profiles::Profile::new(system, index, grid, &state.world)));
+        measurements.push(Box::new(profiles::Profile::new(system, index, grid, &species, &state.world)));
     }
     if measure.correlations.any() {
         measurements.push(Box::new(correlations::Correlator::new(system, state)));
     }
     if measure.pair_collisions {
-        measurements.push(Box::new(pair_rates::PairRates::new(system, &state.world)));
+        measurements.push(Box::new(pair_rates::PairRates::new(system, &species, &state.world)));
     }
     for probe in &measure.probes {
         measurements.push(Box::new(probing::Probing::new(probe, system.dimension.count())));

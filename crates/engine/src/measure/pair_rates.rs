@@ -10,14 +10,13 @@ use crate::{
     state::{State, world::World},
 };
 
-use super::Measurement;
+use super::{Measurement, sample::Species};
 
 pub(crate) struct PairRates {
     /// Number of species.
     species: usize,
-    /// Species by id, and by index in the world.
-    of_id: Vec<u32>,
-    of_index: Vec<u32>,
+    /// Species of each particle of the world.
+    of: Vec<u32>,
     /// Bodies of finite mass of each species.
     movable: Vec<u64>,
     /// Start of the interval \[time\].
@@ -29,48 +28,43 @@ pub(crate) struct PairRates {
 }
 
 impl PairRates {
-    pub fn new(system: &System, world: &World) -> Self {
+    pub fn new(system: &System, table: &Species, world: &World) -> Self {
         let species = system.species.len();
         let mut rates = Self {
             species,
-            of_id: system.bodies.iter().map(|body| body.species).collect(),
-            of_index: Vec::new(),
+            of: Vec::new(),
             movable: Vec::new(),
             since: 0.0,
             counts: vec![0; species * species],
             flights: vec![0; species],
         };
-        rates.take_world(world);
+        rates.renumber(table, world);
         rates
-    }
-
-    fn take_world(&mut self, world: &World) {
-        let indices = 0..world.particles.len() as u32;
-        self.of_index = indices.clone().map(|i| self.of_id[world.id(i) as usize]).collect();
-        self.movable = vec![0; self.species];
-        for i in indices.filter(|&i| world.body(i).inverse_mass != 0.0) {
-            self.movable[self.of_index[i as usize] as usize] += 1;
-        }
     }
 }
 
 impl Measurement for PairRates {
     fn exchange(&mut self, exchange: &Exchange) {
         if let Partner::Particle { bodies, .. } = exchange.partner {
-            let [a, b] = bodies.map(|i| self.of_index[i as usize] as usize);
+            let [a, b] = bodies.map(|i| self.of[i as usize] as usize);
             self.counts[a * self.species + b] += 1;
             if a != b {
                 self.counts[b * self.species + a] += 1;
             }
             // Of bodies of finite mass.
             for change in exchange.changes {
-                self.flights[self.of_index[change.i as usize] as usize] += 1;
+                self.flights[self.of[change.i as usize] as usize] += 1;
             }
         }
     }
 
-    fn replace(&mut self, world: &World, _time: f64) {
-        self.take_world(world);
+    fn renumber(&mut self, species: &Species, world: &World) {
+        let indices = 0..world.particles.len() as u32;
+        self.of = indices.clone().map(|i| species.of(world, i)).collect();
+        self.movable = vec![0; self.species];
+        for i in indices.filter(|&i| world.body(i).inverse_mass != 0.0) {
+            self.movable[self.of[i as usize] as usize] += 1;
+        }
     }
 
     fn complete(&mut self, _state: &State, time: f64, sample: &mut Sample) {

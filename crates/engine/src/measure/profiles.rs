@@ -31,7 +31,7 @@ use crate::{
     state::{State, deformation::Deformation, sliding_images::SlidingImages, world::World},
 };
 
-use super::Measurement;
+use super::{Measurement, sample::Species};
 
 /// The fractional part of the golden ratio: its multiples are spread evenly over [0, 1) modulo 1.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -58,37 +58,21 @@ pub(crate) struct Profile {
     /// Of the random times.
     seed: u64,
     sums: Vec<[Sum; FIELDS]>,
-    /// Of species: [`Self::sums`] has the cells of all particles, then those of each species of the grid.
-    species: Option<BySpecies>,
+    /// The places of particles: [`Self::sums`] has the cells of all particles, then those of each species of the grid.
+    places: Option<Vec<Option<usize>>>,
     /// Where a contact leaves cells, as fractions of the line between the centers.
     faces: Vec<f64>,
     images: Option<Deformation>,
 }
 
-/// The place of particles among the species of a grid.
-struct BySpecies {
-    /// By id; `None` if the particle is of another species.
-    of_id: Vec<Option<usize>>,
-    /// By index in the world.
-    of_index: Vec<Option<usize>>,
-}
-
-impl BySpecies {
-    fn of(system: &System, grid: &Grid, world: &World) -> Option<Self> {
-        let place = |species: u32| grid.species.iter().position(|&other| other == species);
-        let of_id = || system.bodies.iter().map(|body| place(body.species)).collect();
-        (!grid.species.is_empty()).then(|| Self { of_id: of_id(), of_index: Vec::new() }.of_world(world))
-    }
-
-    /// The same for the particles of another world.
-    fn of_world(mut self, world: &World) -> Self {
-        self.of_index = (0..world.particles.len() as u32).map(|i| self.of_id[world.id(i) as usize]).collect();
-        self
-    }
+/// The place of each particle of the world among the species of a grid; `None` if it is of another one.
+fn places(grid: &Grid, species: &Species, world: &World) -> Option<Vec<Option<usize>>> {
+    let place = |i: u32| grid.species.iter().position(|&other| other == species.of(world, i));
+    (!grid.species.is_empty()).then(|| (0..world.particles.len() as u32).map(place).collect())
 }
 
 impl Profile {
-    pub fn new(system: &System, index: usize, grid: &Grid, world: &World) -> Self {
+    pub fn new(system: &System, index: usize, grid: &Grid, species: &Species, world: &World) -> Self {
         let periodic = crate::state::periodicity::Periodicity::of(&system.domain).is_periodic;
         let dimension = system.dimension.count();
         let width = |axis: usize| match grid.axes.iter().find(|of_grid| of_grid.axis == axis) {
@@ -105,7 +89,7 @@ impl Profile {
             rows: 0,
             seed: system.seed,
             sums: vec![[Sum::default(); FIELDS]; grid.cells() * (1 + grid.species.len())],
-            species: BySpecies::of(system, grid, world),
+            places: places(grid, species, world),
             faces: Vec::new(),
             images: Deformation::of(system),
             grid: grid.clone(),
@@ -218,7 +202,7 @@ impl Profile {
             }
             let Some(cell) = self.cell(position) else { continue };
             let momentum = class.mass * velocity;
-            let place = self.species.as_ref().and_then(|species| species.of_index[i as usize]);
+            let place = self.places.as_ref().and_then(|places| places[i as usize]);
             let of_species = place.map(|place| (1 + place) * self.grid.cells() + cell);
             for cell in [Some(cell), of_species].into_iter().flatten() {
                 let sums = &mut self.sums[cell];
@@ -322,9 +306,9 @@ impl Measurement for Profile {
         {
             let impulse = -change.mass * (change.after - change.before);
             let mut shares = [None; 2];
-            if let Some(species) = &self.species {
+            if let Some(places) = &self.places {
                 for (share, change) in shares.iter_mut().zip(exchange.changes) {
-                    *share = species.of_index[change.i as usize];
+                    *share = places[change.i as usize];
                 }
             }
             let shares = &shares[..exchange.changes.len().min(2)];
@@ -332,8 +316,8 @@ impl Measurement for Profile {
         }
     }
 
-    fn replace(&mut self, world: &World, _time: f64) {
-        self.species = self.species.take().map(|species| species.of_world(world));
+    fn renumber(&mut self, species: &Species, world: &World) {
+        self.places = places(&self.grid, species, world);
     }
 
     fn next(&self, state: &State) -> i64 {

@@ -236,7 +236,10 @@ impl Simulation {
             observer.exchange(&exchange);
         }
         let world = &self.state.world;
-        self.measurements.iter_mut().for_each(|measurement| measurement.replace(world, time));
+        for measurement in &mut self.measurements {
+            measurement.replace(world, time);
+            measurement.renumber(&self.species, world);
+        }
         if observer.wants_events() {
             rows.0.iter().for_each(|row| observer.event(row));
             let ids = [NO_PARTNER; 2];

@@ -28,6 +28,7 @@ impl Simulation {
         self.engine = self.choice.compile(&system, &self.geometry);
         drop(system);
         let world = &self.state.world;
+        self.measurements.iter_mut().for_each(|measurement| measurement.renumber(&self.species, world));
         let fastest = world
             .particles
             .iter()
