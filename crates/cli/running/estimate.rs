@@ -21,12 +21,14 @@ pub fn measured(system: &System, samples: u64, until: f64) -> u64 {
     let (measure, d) = (&system.measure, system.dimension.count() as u64);
     let stress = if measure.stress { 3 * d * d } else { 0 };
     let walls = if measure.wall_forces { 4 * system.walls.len() as u64 } else { 0 };
+    let species = system.species.len() as u64;
+    let pairs = if measure.pair_collisions { species * species + species } else { 0 };
     let rows = |grid: &Grid| if until.is_finite() { (until / grid.interval) as u64 } else { 0 };
     // Two densities, velocity, temperature and pressure tensor, of all and of each species.
     let groups = |grid: &Grid| 1 + grid.species.len() as u64;
     let profiles =
         measure.profiles.iter().map(|grid| rows(grid) * groups(grid) * grid.cells() as u64 * (6 + d * d));
-    samples * (stress + walls) + profiles.sum::<u64>()
+    samples * (stress + walls + pairs) + profiles.sum::<u64>()
 }
 
 /// Memory for earlier states of correlations \[bytes\]: sixteen at each of about ten levels.

@@ -112,10 +112,18 @@ fn velocity_error(world: &World, i: u32, velocity: DVec3, time: i64) -> EngineEr
     }
 }
 
-/// Counts a contact at `time`, before it sets anchors, if one of its bodies has had an event then.
+/// Counts a contact of these bodies at `time` among the simultaneous ones, if one of them has had an event
+/// then. Before the contact sets their anchors.
+#[inline(always)]
+pub(crate) fn note_tie(state: &mut State, bodies: &[u32], time: i64) {
+    if bodies.iter().any(|&i| state.world.particles[i as usize].time == time) {
+        count_tie(state, bodies, time);
+    }
+}
+
 #[cold]
 #[inline(never)]
-pub(crate) fn count_tie(state: &mut State, bodies: &[u32], time: i64) {
+fn count_tie(state: &mut State, bodies: &[u32], time: i64) {
     let is_tie = |&i: &u32| {
         let particle = &state.world.particles[i as usize];
         // At the start all anchors have the time of the start, and no events.

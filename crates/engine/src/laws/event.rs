@@ -14,6 +14,12 @@ pub(crate) trait PhysicalEvent: Copy {
     /// The two particles of the event, twice the same if there is only one; and the wall, if there is one.
     fn participants(self) -> ([u32; 2], Option<u32>);
 
+    /// Whether it is a contact.
+    #[inline(always)]
+    fn is_contact(self) -> bool {
+        true
+    }
+
     /// Resolves the event at `time` \[ticks\]. Returns the grains that wake.
     fn resolve<F: Features, const EVENTS: bool>(
         self,
@@ -136,6 +142,11 @@ impl PhysicalEvent for AnyEvent {
             Self::Impact(impact) => impact.participants(),
             Self::EndOfBounces(i) | Self::Release(i) | Self::EndOfSlide(i) => ([i, i], None),
         }
+    }
+
+    #[inline(always)]
+    fn is_contact(self) -> bool {
+        matches!(self, Self::Impact(_))
     }
 
     #[inline(always)]

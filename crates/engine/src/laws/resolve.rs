@@ -7,7 +7,7 @@ use haff_mechanics::{Impact, work_of_moving_body};
 
 use crate::{
     laws::{
-        contact::{add_impact, check_velocity, count_tie, touch},
+        contact::{add_impact, check_velocity, touch},
         deforming,
         pair_law::{self, PairContact},
         rough::{self, RoughPair},
@@ -119,10 +119,6 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     if F::GRAVITY {
         flights::end(state, i, time);
         flights::end(state, j, time);
-    }
-    let world = &state.world;
-    if [i, j].iter().any(|&i| world.particles[i as usize].time == time) {
-        count_tie(state, &[i, j], time);
     }
     let world = &mut state.world;
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay

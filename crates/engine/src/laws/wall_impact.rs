@@ -9,7 +9,7 @@ use haff_mechanics::{
 use crate::{
     laws::{
         carried,
-        contact::{add_impact, check_velocity, count_tie},
+        contact::{add_impact, check_velocity},
         hop,
         pair_law::{coefficient, impact_with_separation, random_bits},
         resting,
@@ -195,9 +195,6 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
     flights::end(state, i, time);
-    if state.world.particles[i as usize].time == time {
-        count_tie(state, &[i], time);
-    }
     state.world.particles[i as usize].set_anchor(position, velocity, time);
     state.world.note_contact(i, time);
     let now = state.world.clock.shown(time);
@@ -245,9 +242,6 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
         if !F::ELASTIC && state.world.spin.is_some() { Some(rough::apply_wall(state, rough)) } else { None };
     if F::GRAVITY || F::DEFORMS {
         flights::end(state, i, time);
-    }
-    if state.world.particles[i as usize].time == time {
-        count_tie(state, &[i], time);
     }
     let world = &mut state.world;
     let class = *world.class(i);

@@ -58,7 +58,8 @@ pub(crate) struct Profile {
     /// Of the random times.
     seed: u64,
     sums: Vec<[Sum; FIELDS]>,
-    /// The places of particles: [`Self::sums`] has the cells of all particles, then those of each species of the grid.
+    /// The places of particles: [`Self::sums`] has the cells of all particles, then those of each species of
+    /// the grid.
     places: Option<Vec<Option<usize>>>,
     /// Where a contact leaves cells, as fractions of the line between the centers.
     faces: Vec<f64>,

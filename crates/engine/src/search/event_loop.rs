@@ -4,7 +4,10 @@
 use haff_neighbors::Geometry;
 
 use crate::{
-    laws::event::{Pause, PhysicalEvent},
+    laws::{
+        contact::note_tie,
+        event::{Pause, PhysicalEvent},
+    },
     model::features::Features,
     numerics::error::EngineError,
     report::{Observer, Silent},
@@ -173,6 +176,16 @@ fn run_avx2<S: Scheduler, const EVENTS: bool>(
     run::<S, EVENTS, true>(scheduler, state, limit, observer)
 }
 
+/// Counts an event at `time`, which is also that of the event before or of an action, if it is a simultaneous
+/// contact.
+#[cold]
+#[inline(never)]
+fn look_for_tie<E: PhysicalEvent>(state: &mut State, event: E, time: i64) {
+    if event.is_contact() {
+        note_tie(state, &event.participants().0, time);
+    }
+}
+
 /// Runs events up to `limit`. `EVENTS`: the observer receives them.
 #[inline(always)]
 fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
@@ -181,6 +194,8 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
     limit: &mut Limit,
     observer: &mut dyn Observer,
 ) -> Result<Pause, EngineError> {
+    // Of the event before, or of an action.
+    let mut last = state.world.now;
     loop {
         if state.accumulators.counters.collisions >= limit.collisions {
             return Ok(Pause::Collisions);
@@ -203,6 +218,10 @@ fn run<S: Scheduler, const EVENTS: bool, const VECTORS: bool>(
         limit.entries -= 1;
         state.world.now = state.world.now.max(time);
         state.stall.count_event(&state.world, time, || event.participants())?;
+        if time == last {
+            look_for_tie(state, event, time);
+        }
+        last = time;
         let woken = event.resolve::<S::Features, EVENTS>(state, time, observer)?;
         if let Some(pause) = scheduler.update::<VECTORS>(state, event, &woken, limit) {
             return Ok(pause);

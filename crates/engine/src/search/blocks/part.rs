@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use crate::{
+    laws::contact::note_tie,
     model::features::Features,
     report::BlockCounts,
     search::entry::Entry,
@@ -201,10 +202,12 @@ impl<E> Part<E> {
         }
     }
 
-    /// Begins an event.
+    /// Begins an event, which is a contact.
     #[inline(always)]
     pub fn start_event<F: Features, K, const EVENTS: bool>(&mut self, entry: &Entry<K>) {
         self.state.world.now = entry.time;
+        let bodies = [entry.owner, entry.target.partner().unwrap_or(entry.owner)];
+        note_tie(&mut self.state, &bodies, entry.time);
         if EVENTS {
             let world = &self.state.world;
             let is_movable = |body: &u32| F::UNIFORM || world.class(*body).inverse_mass != 0.0;
