@@ -51,7 +51,7 @@ def test_plot_subcommand_draws_figures(command, tmp_path):
     done = command.run("cooling", **SMALL)
     result = command("plot", done.path, "-o", tmp_path)
     drawn = {p.stem.split("-")[-1] for p in tmp_path.iterdir()}
-    assert drawn == {"temperature", "energy", "velocity", "structure", "snapshot", "losses"}, result.stderr
+    assert drawn == {"temperature", "energy", "velocity", "structure", "means", "snapshot", "losses"}, result.stderr
     failed = command("plot", tmp_path / "none.h5", check=False)
     assert failed.returncode == 4 and failed.stderr.count("\n") == 1, failed.stderr
 

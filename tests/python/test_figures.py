@@ -19,7 +19,7 @@ from haff import figures
 from haff.command.main import _KINDS, main
 from haff.figures import movie, render, trajectories
 
-GAS = {"temperature", "energy", "velocity", "structure", "snapshot", "losses"}
+GAS = {"temperature", "energy", "velocity", "structure", "means", "snapshot", "losses"}
 DRAWN = {
     "cooling": GAS,
     "disks": GAS,

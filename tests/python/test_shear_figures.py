@@ -158,7 +158,7 @@ def test_default_draws_the_figures_of_a_sheared_run(run, tmp_path, capsys):
     assert main(["plot", str(run[0]), "-o", str(tmp_path)]) == 0
     drawn = {path.stem.removeprefix("sheared-") for path in tmp_path.iterdir()}
     assert drawn == {
-        "temperature", "energy", "velocity", "structure", "profiles", "stress", "shear", "snapshot", "losses"
+        "temperature", "energy", "velocity", "structure", "profiles", "stress", "shear", "means", "snapshot", "losses"
     }, capsys.readouterr().err  # fmt: skip
 
 

@@ -101,7 +101,7 @@ def one_killed_in_the_middle(folder: Path, *, also_parent: bool) -> Iterator[Non
 
 
 def test_dataset_has_a_dimension_for_each_key_and_the_totals_of_each_run(serial, tmp_path):
-    assert dict(serial.sizes) == {
+    assert dict(serial["status"].sizes) == {
         "restitution": 2, "until": 1, "checkpoint": 1, "frames": 1, "seed": 2,
     }  # fmt: skip
     assert (serial["status"] == "complete").all()

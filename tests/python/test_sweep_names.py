@@ -29,9 +29,14 @@ def test_dimensions_have_names_that_need_no_quotes(folder):
     assert study["temperature_series"].dims == ("restitution", "count", "seed", "time")
     assert all(str(name).isidentifier() for name in (*study.dims, *study.coords))
     keys = {name: study[name].attrs.get("key") for name in study.dims}
-    assert keys == {"restitution": "contact.restitution", "count": "species.grain.count", "seed": None, "time": None}
+    assert keys.pop("observable") is None and keys == {
+        "restitution": "contact.restitution",
+        "count": "species.grain.count",
+        "seed": None,
+        "time": None,
+    }
     by_keys = haff.sweep(GAS, VALUES, seeds=2, output=folder, dims="keys")
-    assert by_keys.sizes == {"contact.restitution": 2, "species.grain.count": 2, "seed": 2}
+    assert by_keys.status.sizes == {"contact.restitution": 2, "species.grain.count": 2, "seed": 2}
     one = by_keys.sel({"contact.restitution": 0.9, "species.grain.count": 60, "seed": 1})
     same = study.sel(restitution=0.9, count=60, seed=1)
     assert one["particles"] == same["particles"] == 60

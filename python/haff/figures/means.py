@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 FEWEST = 16
 """Samples below which a mean has no error to speak of."""
+FEWEST_PARTICLES = 10
+"""Of fewer, each can be followed: figures of trajectories have more of them than means."""
 _SUMS = ("dissipated_energy", "carnot_energy", "ledger_residual")
 """Sums since the start, and an error, beside the terms of the balance."""
 
@@ -33,6 +35,8 @@ def averaged(file: Recording) -> list[str]:
 
 def draw(file: Recording) -> Figure:
     """A panel for each observable that varies: its stationary part shaded, and its mean with its standard error."""
+    if len(file) < FEWEST_PARTICLES:
+        raise NotApplicableError(f"fewer than {FEWEST_PARTICLES} particles")
     table = file.samples
     if len(table["time"]) < FEWEST:
         raise NotApplicableError(f"fewer than {FEWEST} samples")
