@@ -16,7 +16,7 @@ pub struct NormalContact {
     pub reduced_mass: f64,
     /// Reduced radius R₁R₂/(R₁ + R₂); the radius of the particle in a contact with a wall \[length\].
     pub reduced_radius: f64,
-    /// Random bits, a hash of the seed of the scene, the bodies and the numbers of their events: other ones
+    /// Random bits, a hash of the seed of the scene, the bodies and the time: other ones
     /// in each contact, and the same with every search, any number of threads and in a run that goes on. For
     /// [`Draw::from_bits`](crate::random::Draw::from_bits).
     pub random: u64,

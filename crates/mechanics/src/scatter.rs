@@ -88,8 +88,7 @@ impl ContactLaw for Scatter {
 }
 
 impl Restitution {
-    /// A coefficient that is drawn anew in each contact, from a hash of the bodies and the numbers of their
-    /// events.
+    /// A coefficient that is drawn anew in each contact, from a hash of the bodies and the time.
     ///
     /// # Errors
     /// A parameter out of range, see [`Scatter::check`].

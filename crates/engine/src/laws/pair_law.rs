@@ -44,11 +44,12 @@ impl PairContact {
     pub fn coefficient<F: Features>(&self, world: &World, law: Restitution) -> f64 {
         let [a, b] = self.classes;
         let (approach_speed, inverse, [i, j]) = (self.approach_speed(), self.inverse_masses(), self.bodies);
+        let time = self.time;
         let contact = move || NormalContact {
             approach_speed,
             reduced_mass: reduced_mass(a.inverse_mass.recip(), b.inverse_mass.recip()),
             reduced_radius: a.radius * b.radius / (a.radius + b.radius),
-            random: random_bits(world, &[i, j]),
+            random: random_bits(world, &[i, j], None, time),
         };
         coefficient::<F>(world, law, approach_speed, self.time, self.bodies, inverse, contact)
     }
@@ -143,12 +144,13 @@ pub(crate) fn coefficient<F: Features>(
     law.coefficient_of(speed, contact)
 }
 
-/// The random bits of a contact: a hash of the seed, the bodies and the numbers of their events.
-pub(crate) fn random_bits(world: &World, bodies: &[u32]) -> u64 {
+/// The random bits of a contact: a hash of the seed, the time and the bodies. A count of events would not do:
+/// searches may find contacts of bodies that do not approach, which change nothing else.
+pub(crate) fn random_bits(world: &World, bodies: &[u32], wall: Option<u32>, time: i64) -> u64 {
     // Another start than that of the draws of thermal walls and kicks.
-    bodies.iter().fold(mix(world.seed ^ 0x6861_6666_2072_6573), |bits, &i| {
-        mix(mix(bits ^ u64::from(world.id(i))) ^ u64::from(world.particles[i as usize].count))
-    })
+    let start = mix(world.seed ^ 0x6861_6666_2072_6573) ^ world.clock.shown(time).to_bits();
+    let ids = bodies.iter().map(|&i| world.id(i)).chain(wall.map(|wall| !wall));
+    ids.fold(mix(start), |bits, id| mix(bits ^ u64::from(id)))
 }
 
 /// Whether one of two bodies had a contact within the contact duration of the TC model before `time`.

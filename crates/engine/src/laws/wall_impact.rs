@@ -153,7 +153,7 @@ fn bounce<F: Features>(
         approach_speed: speed,
         reduced_mass: reduced_mass(mass, of_wall.recip()),
         reduced_radius: radius,
-        random: random_bits(world, &[i]),
+        random: random_bits(world, &[i], Some(wall), time),
     };
     let e = coefficient::<F>(world, law, speed, time, [i, i], [class.inverse_mass; 2], details);
     let mut repeated = false;

@@ -5,10 +5,11 @@
 //! engine has written is never rejected.
 
 use glam::DVec3;
+use haff_mechanics::Restitution;
 
 use crate::{
     measure::totals::{Totals, ledger},
-    model::{Boundary, Dimension, System},
+    model::{Boundary, Dimension, System, WallLaw},
     numerics::{
         clock::{Clock, EPOCH, OLDEST_ANCHOR},
         error::EngineError,
@@ -377,10 +378,14 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     require(residual.abs() <= MAX_RESIDUAL, || {
         format!("energies do not balance: {residual:e} of them is missing, with the kinetic energy {kinetic}")
     })?;
-    // Losses can be negative only by the rounding of energy differences.
+    // Losses are negative by the rounding of energy differences only, or by laws that may add energy.
+    let may_gain = |law: &Restitution| matches!(law, Restitution::Law(_)) && !law.loses_energy();
+    let of_walls = world.laws.of_walls.iter().map(WallLaw::restitution);
+    let gains = world.laws.restitution.iter().copied().chain(of_walls).any(|law| may_gain(&law));
     let [first, start] = accumulators.initial_energy;
     let energies = [first, start, kinetic, ledger.potential].into_iter().chain(ledger.terms);
     let scale = energies.fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
-    within("dissipated", ledger.dissipated, -1e-6 * scale, f64::MAX)?;
+    let least = if gains { f64::MIN } else { -1e-6 * scale };
+    within("dissipated", ledger.dissipated, least, f64::MAX)?;
     within("carnot", ledger.carnot, -1e-6 * scale, f64::MAX)
 }
