@@ -124,7 +124,9 @@ pub(crate) fn come_to_rest(
 /// With a law that tends to 1 at low speed the losses become smaller and smaller. Rounding would then
 /// determine the height of further bounces, and they would never end.
 fn is_loss_below_rounding(law: &Restitution, u: f64, acceleration: f64, velocity: DVec3, reach: f64) -> bool {
-    let e = law.coefficient(u);
+    // Of a law that draws its coefficient, or of another crate, the next loss is not known: all of the energy
+    // counts.
+    let e = if matches!(law, Restitution::Law(_)) { 0.0 } else { law.coefficient(u) };
     (1.0 - e) * (1.0 + e) * u * u <= f64::EPSILON * (acceleration * reach + u * velocity.abs().max_element())
 }
 

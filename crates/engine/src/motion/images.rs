@@ -99,14 +99,19 @@ impl World {
         Some(Deforming { sliding, speeds: images.speeds, start: self.now, tick: self.clock.tick, horizon })
     }
 
+    /// The time after a `delay` \[time\], after the present and within an epoch [ticks].
+    pub fn after(&self, delay: f64) -> i64 {
+        let end = (self.now as f64 + delay * self.clock.per_time).min(LONGEST);
+        (end as i64).max(self.now + 1)
+    }
+
     /// Prepares for searches that are made at the present. Returns until when they may be used \[ticks\];
     /// under shear this holds for lists.
     pub fn begin_horizon(&mut self) -> i64 {
         let Some(images) = self.boundary.deformation else { return i64::MAX };
         let time = self.clock.time(self.now);
         let horizon = images.horizon(time);
-        let end = (self.now as f64 + horizon * self.clock.per_time).min(LONGEST);
-        let end = (end as i64).max(self.now + 1);
+        let end = self.after(horizon);
         if !images.stretches() {
             return end;
         }

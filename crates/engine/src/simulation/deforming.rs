@@ -3,8 +3,13 @@
 use glam::DVec3;
 
 use crate::{
-    measure::sample::packing_fraction, numerics::error::EngineError, report::Compressed,
-    simulation::run::Simulation, state::deformation::Deformation, support::geometry::present_system,
+    measure::sample::packing_fraction,
+    model::Boundary,
+    numerics::error::EngineError,
+    report::Compressed,
+    simulation::run::Simulation,
+    state::deformation::{Deformation, until_boundary},
+    support::geometry::present_system,
 };
 
 impl Simulation {
@@ -27,6 +32,19 @@ impl Simulation {
             .fold(DVec3::ZERO, DVec3::max);
         let time = world.clock.time(world.now);
         images.path_left(speeds, time) < PATH * images.edges(time).min_element()
+    }
+
+    /// Until when searches may be used that are made now, since walls move with the edges of the box [ticks]:
+    /// coordinates of windows reach two edges far.
+    pub(super) fn horizon_of_walls(&self) -> i64 {
+        let (domain, world) = (&self.system.domain, &self.state.world);
+        let Some(compression) = domain.compression else { return i64::MAX };
+        let time = world.clock.time(world.now);
+        let walled =
+            (0..self.system.dimension.count()).filter(|&axis| domain.boundary[axis] == Boundary::Wall);
+        let delay =
+            walled.map(|axis| until_boundary(-compression.rates[axis], time)).fold(f64::INFINITY, f64::min);
+        if delay == f64::INFINITY { i64::MAX } else { world.after(delay) }
     }
 
     /// What a box that is compressed is like, over the time since the previous call; `None` if it is not. Of

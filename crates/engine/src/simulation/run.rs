@@ -168,6 +168,7 @@ impl Simulation {
 
     /// Has the engine predict all particles from the state.
     pub(super) fn predict_all(&mut self) {
+        self.horizon = i64::MAX;
         if self.state.world.boundary.deformation.is_some() {
             let world = &mut self.state.world;
             let horizon = world.begin_horizon();
@@ -180,6 +181,7 @@ impl Simulation {
             }
             self.geometry.deforming = self.state.world.moving_images();
         }
+        self.horizon = self.horizon.min(self.horizon_of_walls());
         self.engine.rebuild(&mut self.state, &self.geometry);
     }
 
@@ -283,7 +285,8 @@ impl Simulation {
                     }
                 }
                 Pause::Time if limit.ticks == self.horizon => {
-                    if until.time == f64::INFINITY && !self.is_driven() && self.is_frozen() {
+                    let idle = || self.engine.is_idle() && !self.stretches();
+                    if until.time == f64::INFINITY && !self.is_driven() && (self.is_frozen() || idle()) {
                         return Ok(self.rest(observer));
                     }
                     self.renew()?;

@@ -89,6 +89,20 @@ impl Isotropic {
     }
 }
 
+/// Time from `time` until an edge that changes at a `rate`, the diagonal of A [1/time], is that at time 0
+/// times a whole power of 1 − [`HORIZON`] \[time\]. So such times do not depend on what a search has done
+/// before.
+pub(crate) fn until_boundary(rate: f64, time: f64) -> f64 {
+    if rate == 0.0 {
+        return f64::INFINITY;
+    }
+    let step = libm::log(1.0 - HORIZON);
+    let passed = libm::log(1.0 + rate * time) / step;
+    // Along the change of the edge, and not where it is already, but for rounding.
+    let next = if rate < 0.0 { (passed + 1e-6).floor() + 1.0 } else { (passed - 1e-6).ceil() - 1.0 };
+    (libm::exp(next * step) - 1.0) / rate - time
+}
+
 impl Deformation {
     pub fn of(system: &System) -> Option<Self> {
         let domain = &system.domain;
@@ -254,20 +268,11 @@ impl Deformation {
         (0..3).map(|axis| self.next_boundary(axis, time)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Time from `time` to the next boundary of an axis \[time\]: where its edge is that at time 0 times a
-    /// whole power of 1 − [`HORIZON`], or a particle touches its own image. So boundaries do not depend on
-    /// what a search has done before.
+    /// Time from `time` to the next boundary of an axis \[time\], see [`until_boundary`], or until a particle
+    /// touches its own image.
     fn next_boundary(&self, axis: usize, time: f64) -> f64 {
-        let rate = self.rates[axis];
-        if rate == 0.0 {
-            return f64::INFINITY;
-        }
-        let step = libm::log(1.0 - HORIZON);
-        let passed = libm::log(self.scale(time)[axis]) / step;
-        // Along the change of the edge, and not where it is already, but for rounding.
-        let next = if rate < 0.0 { (passed + 1e-6).floor() + 1.0 } else { (passed - 1e-6).ceil() - 1.0 };
-        let delay = (libm::exp(next * step) - 1.0) / rate - time;
-        if rate > 0.0 {
+        let delay = until_boundary(self.rates[axis], time);
+        if self.rates[axis] >= 0.0 {
             return delay;
         }
         let room = self.edges(time)[axis] - self.least;

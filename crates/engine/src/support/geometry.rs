@@ -75,11 +75,16 @@ pub(crate) fn present_system<'a>(system: &'a System, world: &World) -> Cow<'a, S
     if let Some(domain) = enclosed(system, world) {
         return Cow::Owned(System { domain, ..system.clone() });
     }
-    if world.boundary.deformation.is_none_or(|images| !images.stretches()) {
+    if system.domain.compression.is_none() {
         return Cow::Borrowed(system);
     }
     let mut present = system.clone();
-    present.domain.size = world.periodicity(world.now).size;
+    let (images, walls) =
+        (world.periodicity(world.now).size, system.domain.edges(world.clock.time(world.now)));
+    for axis in 0..3 {
+        let is_walled = system.domain.boundary[axis] == Boundary::Wall;
+        present.domain.size[axis] = if is_walled { walls[axis] } else { images[axis] };
+    }
     Cow::Owned(present)
 }
 
@@ -97,8 +102,8 @@ pub(crate) fn geometry(system: &System, world: &World, filled: f64) -> Geometry 
     let uniform = radius.clone().all(|radius| radius == movable);
     let mut size = world.periodicity(world.now).size;
     for axis in 0..3 {
-        if axes[axis] == Axis::Bounded && world.boundary.deformation.is_none() {
-            // Of a container the world does not have it.
+        if axes[axis] == Axis::Bounded {
+            // Of a container, and of walls that move with the box, the world does not have it.
             size[axis] = system.domain.size[axis];
         }
         if axes[axis] == Axis::Open {

@@ -131,9 +131,12 @@ fn coefficients_in_the_log_are_independent_draws() {
 /// A ball on a floor whose coefficient is drawn comes to rest, and the energy of the fall is lost.
 #[test]
 fn a_ball_comes_to_rest_by_random_coefficients() {
-    for scatter in
-        [Scatter::Uniform([0.3, 0.9]), Scatter::Values(vec![0.5, 1.0]), Scatter::Normal([0.8, 0.1])]
-    {
+    for scatter in [
+        Scatter::Uniform([0.3, 0.9]),
+        Scatter::Values(vec![0.5, 1.0]),
+        Scatter::Values(vec![1.0, 0.5]),
+        Scatter::Normal([0.8, 0.1]),
+    ] {
         let mut scene = system(Dimension::Three, DVec3::splat(1.0), [Boundary::Open; 3]);
         scene.domain.gravity = DVec3::new(0.0, 0.0, -9.81);
         let floor = Wall {
@@ -155,5 +158,16 @@ fn a_ball_comes_to_rest_by_random_coefficients() {
         let lost: f64 = log.0.iter().map(|row| row.energy_loss).sum();
         assert!((lost / (2.0 * 9.81) - 1.0).abs() < 1e-12, "{scatter:?}: {lost}");
         assert_eq!(simulation.frame().position[0].z, 0.5);
+        // The series ends where its height is nothing, whatever would be drawn next.
+        assert!(log.0.last().unwrap().approach_speed < 1e-6, "{scatter:?}: {:?}", log.0.last());
     }
+}
+
+/// Grains whose coefficient is drawn are put to rest on a floor and on each other.
+#[test]
+fn grains_with_random_coefficients_come_to_rest() {
+    let mut scene = grains(random_law(), true, 9);
+    scene.contacts.rest_speed = 0.05;
+    let simulation = check_independence(&scene, &[5.0, 20.0, 80.0]);
+    assert!(simulation.counters().rests > 20, "{:?}", simulation.counters());
 }

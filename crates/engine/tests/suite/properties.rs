@@ -21,7 +21,6 @@ use haff_engine::{
     Options, Sample, SearchSupport, SimdChoice, Simulation, Stop, System, Until, Wall, WallLaw, WallMotion,
     searches,
 };
-use haff_mechanics::Restitution;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use recipe::{Recipe, kick_interval, recipe};
@@ -131,9 +130,8 @@ fn check_laws(
     let speeds = frame.velocity.iter().copied().chain(system.bodies.iter().map(|body| body.velocity));
     let fastest = speeds.map(DVec3::length).fold(given_speed(system, frame.time), f64::max);
     // By a law that adds speed.
-    let adds = |law: &Restitution| matches!(law, Restitution::Law(_)) && !law.loses_energy();
     let of_walls = system.contacts.wall.iter().map(WallLaw::restitution);
-    let may_gain = system.contacts.pair.iter().copied().chain(of_walls).any(|law| adds(&law));
+    let may_gain = system.contacts.pair.iter().copied().chain(of_walls).any(|law| law.may_add_energy());
     for event in &log.0 {
         prop_assert!(finite(event.normal) && finite(event.position), "not finite: {:?}", event);
         let mass = |body: u32| system.classes[system.bodies[body as usize].class as usize].mass;

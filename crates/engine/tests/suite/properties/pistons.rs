@@ -9,7 +9,11 @@ use haff_engine::{
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 
-use super::{Recipe, check_each, passages::outcome, recipe::PLAIN};
+use super::{
+    Recipe, check_each,
+    passages::{ENOUGH, outcome},
+    recipe::PLAIN,
+};
 use crate::common::{Random, features::add_wall};
 
 /// The system of a recipe with one piston or two. `None` if all axes are periodic.
@@ -88,7 +92,7 @@ fn check(recipe: &Recipe) -> Result<Option<u64>, TestCaseError> {
         [(NeighborChoice::AllPairs, SimdChoice::Portable), (NeighborChoice::Cells, SimdChoice::Auto)]
     {
         let options = Options { neighbors, simd, ..Options::default() };
-        let Some((texts, mut simulation)) = outcome(&system, options) else { return Ok(None) };
+        let Some((texts, mut simulation)) = outcome(&system, options, ENOUGH) else { return Ok(None) };
         let collapsed = texts.last().is_some_and(|text| text.contains("ollapse") || text.contains("overlap"));
         if !collapsed {
             let ledger = simulation.sample().ledger;
