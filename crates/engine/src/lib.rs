@@ -58,10 +58,10 @@ pub use model::{
 pub use numerics::{EngineError, Fault, Instant, ScalarReader, ScalarWriter, Sum, significant};
 pub use report::{
     BlockCounts, CORRELATIONS, CellFields, Checkpoint, Compressed, Correlation, CorrelationKind, Counters,
-    EventColumn, EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, Mean, NO_PARTNER,
-    Observable, Observer, Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures, Silent, Sizes,
-    Stop, StressTensor, Term, Total, VelocityChange, counts, energies, observables, residual_warning,
-    total_names, totals,
+    EventColumn, EventKind, EventRecord, Exchange, Frame, LARGEST_RESIDUAL, Ledger, Mean, NO_MEANS,
+    NO_PARTNER, Observable, Observer, Partner, ProfileRow, Quantity, RUN_NUMBERS, Sample, SceneFeatures,
+    Silent, Sizes, Stop, StressTensor, Term, Total, VelocityChange, counts, energies, observables,
+    residual_warning, total_names, totals,
 };
 pub use simulation::{
     Change, NewParticle, SearchSupport, Simulation, Until, clustering_warning, critical_length,

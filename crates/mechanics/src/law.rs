@@ -23,9 +23,9 @@ pub struct NormalContact {
 }
 
 impl Default for NormalContact {
-    /// Bodies with a reduced mass and a reduced radius of 1 that do not approach, and the middle of all bits.
+    /// Bodies with a reduced mass and a reduced radius of 1 that do not approach, and bits like any others.
     fn default() -> Self {
-        Self { approach_speed: 0.0, reduced_mass: 1.0, reduced_radius: 1.0, random: 1 << 63 }
+        Self { approach_speed: 0.0, reduced_mass: 1.0, reduced_radius: 1.0, random: 0 }
     }
 }
 

@@ -118,7 +118,7 @@ impl Restitution {
     /// The coefficient of restitution `e` ∈ [0, 1] at the approach speed `v_n` [length/time], (2.11), (2.12).
     ///
     /// A negative approach speed counts as zero. A law of another crate is that of bodies with a reduced mass
-    /// and a reduced radius of 1, and a random one has its median draw; [`Self::coefficient_in`] is for
+    /// and a reduced radius of 1, and a random one has one of its draws; [`Self::coefficient_in`] is for
     /// others.
     ///
     /// ```
@@ -180,6 +180,12 @@ impl Restitution {
             Self::Law(law) => law.get().loses_energy(),
             _ => !self.is_elastic(),
         }
+    }
+
+    /// Whether contacts may add energy.
+    #[must_use]
+    pub fn may_add_energy(&self) -> bool {
+        matches!(self, Self::Law(_)) && !self.loses_energy()
     }
 
     /// Checks every parameter against its range.

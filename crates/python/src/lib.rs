@@ -25,7 +25,7 @@ mod _engine {
     #[pymodule_export]
     use super::{
         observables::mean,
-        scenes::{mesh, schema, templates, total_names, validate},
+        scenes::{mesh, names_without_means, schema, templates, total_names, validate},
         simulation::Simulation,
         text::{document, value},
     };

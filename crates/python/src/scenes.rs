@@ -130,6 +130,12 @@ pub fn total_names() -> Vec<&'static str> {
     haff_engine::total_names().collect()
 }
 
+/// Observables of which a mean has no meaning, beside the terms of the energy balance.
+#[pyfunction]
+pub fn names_without_means() -> [&'static str; 3] {
+    haff_engine::NO_MEANS
+}
+
 /// Name, description and text of every starter scene.
 #[pyfunction]
 pub fn templates() -> Vec<(&'static str, &'static str, &'static str)> {

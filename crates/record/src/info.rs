@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use glam::DVec3;
-use haff_engine::{Checkpoint, Counters, Ledger, Mean, Quantity, Sample, Sizes, StressTensor, Term};
+use haff_engine::{
+    Checkpoint, Counters, Ledger, Mean, NO_MEANS, Quantity, Sample, Sizes, StressTensor, Term,
+};
 use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
@@ -244,9 +246,6 @@ pub struct NamedMean {
     /// Time from which on it is stationary [time].
     pub from: f64,
 }
-
-/// Observables that are sums since the start, or an error, beside the terms of the balance.
-const NO_MEANS: [&str; 3] = ["dissipated_energy", "carnot_energy", "ledger_residual"];
 
 /// The means of all observables of a file that are one real number, and neither sums since the start nor an
 /// error. None without observables.

@@ -314,7 +314,7 @@ impl CorrelationTables {
         let create = |kind: &CorrelationKind| -> hdf5::Result<Columns> {
             let group = all.create_group(kind.name)?;
             write_text_attribute(&group, "unit", kind.unit)?;
-            let species = kind.species(measured);
+            let species = (kind.species)(measured);
             let curves = if species.is_empty() { Vec::new() } else { vec![species.len()] };
             if !species.is_empty() {
                 write_species(&group, species)?;

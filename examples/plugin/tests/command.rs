@@ -177,10 +177,7 @@ fn wrong_surfaces_drives_and_probes_are_refused_with_their_keys() {
         refuses("ring.toml", set, expected);
     }
     for (set, expected) in [
-        (
-            "drive.0.kind=\"stirrer\"",
-            "must be one of \"rescale\", \"andersen\", \"white_noise\", \"kolmogorov\"",
-        ),
+        ("drive.0.kind=\"stirrer\"", ", \"kolmogorov\""),
         ("drive.0.parameters.wavelength=0.0", "drive.0.parameters.wavelength=0.0: must be a positive number"),
         ("drive.0.rate=1.0", "a drive of kind \"kolmogorov\" has no rate, but parameters"),
         (
@@ -210,7 +207,7 @@ fn wrong_parameters_are_refused_with_their_keys() {
         ("parameters.added_sped=1.0", "is no parameter of this model: restitution, added_speed"),
         ("parameters={}", "parameters.restitution: missing: this model needs it"),
         ("model=\"viscoelastic\"", "contact.restitution.parameters"),
-        ("model=\"gamma\"", "must be one of \"viscoelastic\", \"cutoff\", \"delta\""),
+        ("model=\"gamma\"", ", \"delta\""),
     ] {
         refuses("layer.toml", &format!("contact.restitution.{set}"), expected);
     }

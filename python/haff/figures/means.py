@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..common.compiled import compiled
 from ..errors import NotApplicableError
 from ..files import samples
 from .facts import sampled
@@ -22,14 +23,12 @@ FEWEST = 16
 """Samples below which a mean has no error to speak of."""
 FEWEST_PARTICLES = 10
 """Of fewer, each can be followed: figures of trajectories have more of them than means."""
-_SUMS = ("dissipated_energy", "carnot_energy", "ledger_residual")
-"""Sums since the start, and an error, beside the terms of the balance."""
 
 
 def averaged(file: Recording) -> list[str]:
     """Observables that are one real number and no sum since the start, of which a mean has a meaning."""
     _, _, values = samples.arrays(file)
-    sums = {*_SUMS, *samples.balance(file)}
+    sums = {*compiled().names_without_means(), *samples.balance(file)}
     return [n for n, value in values.items() if value.ndim == 1 and value.dtype.kind == "f" and n not in sums]
 
 

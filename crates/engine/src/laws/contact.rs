@@ -8,8 +8,7 @@
 //! such systems and every frame is tested against.
 
 use glam::DVec3;
-use haff_mechanics::Impact;
-use haff_mechanics::random::mix;
+use haff_mechanics::{Impact, random::mix};
 
 use crate::{
     laws::pair_law::PairContact,

@@ -1,9 +1,8 @@
 //! Impacts of particles on walls.
 
 use glam::DVec3;
-use haff_mechanics::random::Draw;
 use haff_mechanics::{
-    Impact, NormalContact, Restitution, reduced_mass, resolve_contact, work_of_moving_body,
+    Impact, NormalContact, Restitution, random::Draw, reduced_mass, resolve_contact, work_of_moving_body,
 };
 
 use crate::{

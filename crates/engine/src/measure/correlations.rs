@@ -214,7 +214,7 @@ impl Measurement for Correlator {
             let Some(first) = curves.first() else { continue };
             let mut correlation = Correlation {
                 name: kind.name,
-                species: kind.species(&self.plan).to_vec(),
+                species: (kind.species)(&self.plan).to_vec(),
                 lag: first.iter().map(|lag| self.time(lag.steps)).collect(),
                 count: first.iter().map(|lag| lag.count).collect(),
                 ..Correlation::default()

@@ -7,9 +7,7 @@
 //! walls only comes to equilibrium at T.
 
 use glam::DVec3;
-use haff_mechanics::Restitution;
-
-use haff_mechanics::random::Draw;
+use haff_mechanics::{Restitution, random::Draw};
 
 /// The law of a thermal wall.
 #[derive(Debug, Clone, Copy, PartialEq)]

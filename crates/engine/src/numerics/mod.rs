@@ -3,9 +3,8 @@ Numbers: time as integers, sums, limits that were measured, and errors.
 
 *What is here.* [`clock`] and [`instant`] hold time as an integer number of ticks, [`exact_sum`] sums whose
 value does not depend on the order of their terms, [`sum`] compensated ones, [`total`] sums over particles by
-several threads,
-[`scalars`] and [`words`] what checkpoints store of all of them, [`tuning`] the numbers of particles and the
-densities at which another search is faster, [`error`] what can go wrong in a run.
+several threads, [`scalars`] and [`words`] what checkpoints store of all of them, [`tuning`] the numbers of
+particles and the densities at which another search is faster, [`error`] what can go wrong in a run.
 
 *What to change here.* A new error is a variant of `EngineError`. A limit in [`tuning`] follows from a
 measurement, which its comment names. Nothing else changes with new physics.

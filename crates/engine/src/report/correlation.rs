@@ -11,25 +11,25 @@ pub struct CorrelationKind {
     pub unit: &'static str,
     /// Whether it is measured.
     pub exists: fn(&Correlations) -> bool,
+    /// The species of its curves, as indices; empty for one curve that is not of a species.
+    pub species: fn(&Correlations) -> &[u32],
 }
 
 /// All correlations, in the order of [`Correlation`]s.
 pub const CORRELATIONS: [CorrelationKind; 4] = [
-    CorrelationKind { name: "msd", unit: "length^2", exists: |c| c.msd.any() },
-    CorrelationKind { name: "vacf", unit: "length^2/time^2", exists: |c| c.vacf.any() },
-    CorrelationKind { name: "stress", unit: "energy^2/length^2d", exists: |c| c.stress },
-    CorrelationKind { name: "helfand", unit: "energy^2 time^2/length^2d", exists: |c| c.stress },
+    kind("msd", "length^2", |c| c.msd.any(), |c| c.msd.species()),
+    kind("vacf", "length^2/time^2", |c| c.vacf.any(), |c| c.vacf.species()),
+    kind("stress", "energy^2/length^2d", |c| c.stress, |_| &[]),
+    kind("helfand", "energy^2 time^2/length^2d", |c| c.stress, |_| &[]),
 ];
 
-impl CorrelationKind {
-    /// The species of its curves, as indices; empty for one curve that is not of a species.
-    pub fn species<'a>(&self, measured: &'a Correlations) -> &'a [u32] {
-        match self.name {
-            "msd" => measured.msd.species(),
-            "vacf" => measured.vacf.species(),
-            _ => &[],
-        }
-    }
+const fn kind(
+    name: &'static str,
+    unit: &'static str,
+    exists: fn(&Correlations) -> bool,
+    species: fn(&Correlations) -> &[u32],
+) -> CorrelationKind {
+    CorrelationKind { name, unit, exists, species }
 }
 
 /// A correlation so far.

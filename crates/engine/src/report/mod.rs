@@ -41,6 +41,6 @@ pub use observer::{CellFields, Observer, ProfileRow, Silent};
 pub use sample::{BlockCounts, Counters, Frame, Sample, Stop};
 
 pub use ledger::{LARGEST_RESIDUAL, Ledger, Term, residual_warning};
-pub use observables::{Observable, Quantity, SceneFeatures, Sizes, observables};
+pub use observables::{NO_MEANS, Observable, Quantity, SceneFeatures, Sizes, observables};
 pub use stress_tensor::StressTensor;
 pub use totals::{RUN_NUMBERS, Total, counts, energies, total_names, totals};

@@ -146,6 +146,10 @@ impl SceneFeatures {
     }
 }
 
+/// Observables of which a mean has no meaning, beside the terms of the energy balance: sums since the start,
+/// and an error.
+pub const NO_MEANS: [&str; 3] = ["dissipated_energy", "carnot_energy", "ledger_residual"];
+
 const ENERGY: &str = "energy";
 const PRESSURE: &str = "energy/length^d";
 

@@ -5,7 +5,6 @@
 //! engine has written is never rejected.
 
 use glam::DVec3;
-use haff_mechanics::Restitution;
 
 use crate::{
     measure::totals::{Totals, ledger},
@@ -379,9 +378,8 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
         format!("energies do not balance: {residual:e} of them is missing, with the kinetic energy {kinetic}")
     })?;
     // Losses are negative by the rounding of energy differences only, or by laws that may add energy.
-    let may_gain = |law: &Restitution| matches!(law, Restitution::Law(_)) && !law.loses_energy();
     let of_walls = world.laws.of_walls.iter().map(WallLaw::restitution);
-    let gains = world.laws.restitution.iter().copied().chain(of_walls).any(|law| may_gain(&law));
+    let gains = world.laws.restitution.iter().copied().chain(of_walls).any(|law| law.may_add_energy());
     let [first, start] = accumulators.initial_energy;
     let energies = [first, start, kinetic, ledger.potential].into_iter().chain(ledger.terms);
     let scale = energies.fold(0.0, |scale: f64, energy| scale.max(energy.abs()));
