@@ -72,6 +72,11 @@ pub enum Command {
   haff view cooling.h5 --open
   haff view cooling.h5 --frames ::10 -o talk.html")]
     View(Python),
+    /// Write the impacts of a run as a table: velocities before and after, e, impulses, energies
+    #[command(after_help = "Examples:
+  haff table breakshot.h5
+  haff table breakshot.h5 -o impacts.tex")]
+    Table(Python),
     /// Write the manual pages into a folder.
     Man(Man),
     /// Print completions for a shell.
@@ -234,9 +239,9 @@ pub struct Check {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  haff init --list\n  haff init cooling > my_gas.toml")]
 pub struct Init {
-    /// Template; see --list.
+    /// Name of a shipped scene; see --list. A mesh that it needs is written into the working directory.
     pub template: Option<String>,
-    /// Name the templates.
+    /// Name the shipped scenes, by kind.
     #[arg(long)]
     pub list: bool,
 }

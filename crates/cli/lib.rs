@@ -70,6 +70,7 @@ pub fn main_with(plugins: Plugins) -> ExitCode {
         Command::Plot(options) => python::run("plot", &options.arguments),
         Command::Export(options) => python::run("export", &options.arguments),
         Command::View(options) => python::run("view", &options.arguments),
+        Command::Table(options) => python::run("table", &options.arguments),
         Command::Man(options) => manual::man(&options),
         Command::Completions(options) => manual::completions(&options),
         Command::Pack(options) => pack::pack(&options, arguments.verbose > 0),

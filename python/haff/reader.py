@@ -16,6 +16,7 @@ from .files.recording import Recording
 from .text import quoted
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 __all__ = ["File", "open", "source_of"]
@@ -69,6 +70,12 @@ class File(Recording):
         from .export import export
 
         return export(self, output, **options)
+
+    def impacts(self, most: int = 10_000) -> pd.DataFrame:
+        """The impacts of a run of few bodies as a table; see :func:`haff.analysis.impacts`."""
+        from .analysis import impacts
+
+        return impacts(self, most)
 
     def plot(
         self, kind: str, output: str | os.PathLike[str] | None = None, *, overwrite: bool = False, **options: Any

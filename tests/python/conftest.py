@@ -41,9 +41,13 @@ class Command:
         self.directory = directory
         self.done: dict[tuple, Run] = {}
 
-    def __call__(self, *arguments: str | Path, check: bool = True) -> subprocess.CompletedProcess:
+    def __call__(
+        self, *arguments: str | Path, check: bool = True, cwd: Path | None = None
+    ) -> subprocess.CompletedProcess:
         command = [str(executable()), *map(str, arguments)]
-        result = subprocess.run(command, capture_output=True, text=True, timeout=HANGS, stdin=subprocess.DEVNULL)
+        result = subprocess.run(
+            command, capture_output=True, text=True, timeout=HANGS, stdin=subprocess.DEVNULL, cwd=cwd
+        )
         if check:
             assert result.returncode == 0, f"{' '.join(command)}\nexit {result.returncode}\n{result.stderr}"
         return result

@@ -129,9 +129,22 @@ def test_shipped_scene_is_read_by_everything(path, command, tmp_path):
     assert len(drawn) >= 3, f"only {drawn}"
 
 
-def test_templates_are_shipped_scenes(command):
-    texts = {path.read_text() for path in SHIPPED}
-    assert all(command("init", name).stdout in texts for name in haff.templates())
+def test_shipped_scenes_are_templates(command, tmp_path):
+    texts = {path.stem: path.read_text() for path in SHIPPED if path.parent.name in ("configs", "textbook")}
+    assert set(texts) == set(haff.templates())
+    assert all(command("init", name, cwd=tmp_path).stdout == text for name, text in texts.items())
+    # The mesh of a scene is written beside it, once, and never over another file.
+    (tmp_path / "mill.toml").write_text(texts["mill"])
+    assert command("check", "mill.toml", cwd=tmp_path).returncode == 0
+    mesh = tmp_path / "meshes/mill.obj"
+    mesh.write_text("mine")
+    refused = command("init", "mill", cwd=tmp_path, check=False)
+    assert refused.returncode == 2 and "exists with other contents" in refused.stderr
+    assert mesh.read_text() == "mine"
+    listed = command("init", "--list").stdout
+    assert all(name in listed and title in listed for name, title in haff.templates().items())
+    missing = command("run", "drum", cwd=tmp_path, check=False)
+    assert missing.returncode == 4 and "haff init drum > drum.toml" in missing.stderr
 
 
 @pytest.mark.parametrize("name", forms.SCENES)

@@ -97,3 +97,29 @@ def test_pressure_is_uniform_between_a_hot_and_a_cold_wall_and_collisions_take_t
     lost = np.diff(table["dissipated_energy"]).mean()
     heat, uncertain = mean_and_error(table["wall_heat_flow_z-"].to_numpy())
     assert abs(heat - lost) < 4 * np.hypot(uncertain, 0.02 * lost)
+
+
+def test_heat_between_plates_is_that_of_the_conductivity_with_jumps_at_the_walls(command):
+    # Kn = 0.06: without the jumps the flow would be a quarter larger.
+    n, width, edge, hot, cold = 0.02, 200.0, 22.0, 2.0, 0.5
+    count = round(n * width * edge**2)
+    found = command.run(
+        "thermal_walls",
+        domain__size=[width + 1.0, edge, edge],
+        species__atom__count=count,
+        species__atom__radius=0.5,
+        initial__temperature=1.1,
+        wall=[{"name": "x-", "temperature": hot}, {"name": "x+", "temperature": cold}],
+        run__until=100_000.0,
+        output__observables=500.0,
+        output__frames=False,
+        measure__wall_forces=True,
+    )
+    with found.open() as run:
+        table = run.observables[20:]
+    heat, error = mean_and_error(0.5 * (table["wall_heat_flow_x-"] - table["wall_heat_flow_x+"]).to_numpy(), 12)
+    expected = float(theory.heat_flux(hot, cold, width, n, 1.0)) * edge**2
+    # Of second order in Kn, and the density: 2 %.
+    z = (heat - expected) / np.hypot(error, 0.02 * expected)
+    assert abs(z) < 4, f"{heat:.4f} ± {error:.2g}, expected {expected:.4f}: z = {z:.1f}"
+    assert error < 0.03 * heat

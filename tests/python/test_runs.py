@@ -86,6 +86,8 @@ def test_templates_run_and_agree_with_the_schema():
         assert haff.validate(haff.template(name))["schema"] == 1
     with pytest.raises(KeyError, match="cooling"):
         haff.template("frobnicate")
+    with pytest.raises(haff.FileError, match=r"haff\.template\(\"drum\"\) is a shipped scene of this name"):
+        haff.run("drum")
     assert "contact" in haff.schema()["properties"]
 
 

@@ -53,6 +53,9 @@ ADDED = {
     (3, 0.95): (319.71247, 0.07822, -0.01237, 0.00027),
 }
 """T/(m Δ²) and a₂ of :func:`added_speed`, each followed by its standard error, by dimension and e."""
+SUSPENSION = {0.7: (0, 0, 0, 0), 0.85: (0, 0, 0, 0), 0.95: (0, 0, 0, 0)}
+"""T in units of the temperature of the bath and a₂ of :func:`suspension` with the default bath, each followed by its
+standard error, by e."""
 HEATED_SPINS = {
     (0.9, 0.0): (1.14453, 0.00048, 0.77907, 0.00039),
     (0.8, 0.5): (1.28845, 0.00048, 1.01926, 0.00065),
@@ -60,6 +63,7 @@ HEATED_SPINS = {
 }
 """As HEATED, of gases whose spins are heated, too: with ``rotational=True``."""
 
+TABLES = ("cooling", "heated", "shear", "suspension")
 CASES = ((0.9, -0.9), (0.9, 0.0), (0.8, 0.5), (0.7, -0.5), (0.95, 0.9))
 """Normal and tangential restitution of the table."""
 SHEARED = (0.7, 0.9)
@@ -493,6 +497,49 @@ def added_speed(
     return _estimate([run[:, 0].mean() for run in runs]), _estimate([run[:, 1].mean() for run in runs])
 
 
+def suspension(
+    e: float,
+    *,
+    damping: float = 5.0,
+    kicks: float = 50.0,
+    particles: int = 20_000,
+    replicas: int = 16,
+    settle: float = 60.0,
+    collisions: float = 150.0,
+    step: float = HEATING_STEP,
+    seed: int = 1,
+) -> tuple[Estimate, Estimate]:
+    """T/T_bath and a₂ of smooth spheres in a bath: a drag dv/dt = −v/τ, and kicks at the times of a Poisson process.
+
+    T_bath = ξ²τ/2 is the temperature without collisions. `damping` is the number of collisions of a particle in the
+    time τ at T_bath, `kicks` that of its kicks, each N(0, ξ²τ/kicks) for each component. In a step, halves of the decay
+    are before and after the kicks: the error is of second order, also that of collisions.
+    """
+    rate = collision_rate(1.0, 1.0, 1.0, 3)
+    tau = damping / rate
+    each = max(round(SAMPLING / step), 1)
+    runs: list[Array] = []
+    for rng in _generators(seed, replicas):
+        gas = Gas(rng, Law(e), 3, particles)
+
+        def bath(dt: float, gas: Gas = gas, rng: np.random.Generator = rng) -> None:
+            decay = math.exp(-0.5 * dt / tau)
+            number = rng.poisson(kicks * dt / tau, particles)
+            gas.v *= decay
+            gas.v += np.sqrt(2 / kicks * number) * rng.standard_normal((3, particles))
+            gas.v *= decay
+
+        samples: list[tuple[float, float]] = []
+        dt = step / rate
+        for sample in range(math.ceil((settle + collisions) / (each * step))):
+            gas.advance(each, dt, dt, bath)
+            if sample * each * step >= settle:
+                samples.append((gas.temperature(), gas.fourth()))
+        gas.check()
+        runs.append(np.array(samples))
+    return _estimate([run[:, 0].mean() for run in runs]), _estimate([run[:, 1].mean() for run in runs])
+
+
 def uniform_shear(
     e: float,
     *,
@@ -596,7 +643,7 @@ def _cross(a: Array, b: Array) -> Array:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Prints the tables."""
     parser = argparse.ArgumentParser(description="Direct Monte Carlo solution of the Boltzmann equation.")
-    parser.add_argument("tables", nargs="*", default=["cooling", "heated", "shear"], metavar="cooling|heated|shear")
+    parser.add_argument("tables", nargs="*", default=["cooling", "heated", "shear"], metavar="|".join(TABLES))
     parser.add_argument("--dimension", type=int, default=3, choices=(2, 3), help="of the rough gases")
     parser.add_argument("--friction", type=float, help="Coulomb's coefficient of the rough gases")
     parser.add_argument("--particles", type=int, default=20_000, help="of each replica")
@@ -605,7 +652,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--step", type=float, help="collisions per particle between kicks or shears")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args(arguments)
-    if unknown := set(given.tables) - {"cooling", "heated", "shear"}:
+    if unknown := set(given.tables) - set(TABLES):
         parser.error(f"no such table: {', '.join(sorted(unknown))}")
     size = {"particles": given.particles, "replicas": given.replicas, "seed": given.seed}
 
@@ -640,6 +687,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         shear = uniform_shear(e, collisions=given.collisions, step=given.step or SHEAR_STEP, **size)
         row = f"a* = {shear.a}, P/p: xx {shear.xx}, yy {shear.yy}, zz {shear.zz}, xy {shear.xy}"
         show(f"shear e={e:g}", f"{row}; settle {shear.settle:.0f}, drift {shear.drift:+.1f}", began)
+    for e in SUSPENSION if "suspension" in given.tables else ():
+        began = time.perf_counter()
+        T, a2 = suspension(e, collisions=given.collisions, step=given.step or HEATING_STEP, **size)
+        show(f"suspension e={e:g}", f"T/T_bath = {T}, a₂ = {a2}", began)
 
 
 if __name__ == "__main__":

@@ -451,7 +451,7 @@ pub(crate) fn one_restitution(system: &System, method: &str) -> Result<(f64, f64
     if system.walls.iter().any(|wall| wall.motion.is_moving()) {
         return Err(unsupported("moving walls"));
     }
-    if !system.drives.is_empty() {
+    if !system.drives.is_empty() || system.drag.is_some() {
         return Err(unsupported("drives"));
     }
     let walls: Vec<Restitution> = system.contacts.wall.iter().map(WallLaw::restitution).collect();

@@ -43,6 +43,7 @@ pub fn empty(size: DVec3, boundary: [Boundary; 3], restitution: f64, wall_restit
         },
         walls,
         spin: None,
+        drag: None,
         drives: Vec::new(),
         measure: haff_engine::Measure::default(),
         flow: None,

@@ -49,9 +49,9 @@ pub use laws::hop::hopping_walls;
 pub use model::bounds::allowed_overlap;
 pub use model::{
     Action, Body, Boundary, Class, Column, Compression, ConstantVelocity, Contacts, Correlations, Cuboid,
-    Dimension, Domain, Drive, DriveKind, DrivenParticles, Flow, Followed, Grid, GridAxis, Group, Hole, Inlet,
-    KickTimes, Measure, NamedAction, NamedProbe, NeighborChoice, Options, Oscillating, Outlet, Particles,
-    Partition, Piston, Probe, Rotation, Shape, Shear, Shrinking, SimdChoice, Spin, Supply, System,
+    Dimension, Domain, Drag, Drive, DriveKind, DrivenParticles, Flow, Followed, Grid, GridAxis, Group, Hole,
+    Inlet, KickTimes, Measure, NamedAction, NamedProbe, NeighborChoice, Options, Oscillating, Outlet,
+    Particles, Partition, Piston, Probe, Rotation, Shape, Shear, Shrinking, SimdChoice, Spin, Supply, System,
     ThermalWall, Wall, WallLaw, WallMotion, WallTime, bounds, common_velocity, conserved_momentum,
     named_action, rest_speed_of_diameter,
 };

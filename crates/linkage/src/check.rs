@@ -31,7 +31,7 @@ pub(crate) fn check_elements(system: &System, joints: &Joints) -> Result<(), Lin
             "pendulums, springs, rods and sticking contacts do not work across periodic boundaries; use walls or open axes",
         ));
     }
-    if !system.drives.is_empty() {
+    if !system.drives.is_empty() || system.drag.is_some() {
         return Err(LinkageError::Unsupported(
             "a drive does not work with pendulums, springs, rods or sticking contacts",
         ));

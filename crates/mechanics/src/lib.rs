@@ -20,6 +20,7 @@ simulator is based.
 | [`bounces`] | the sums over an infinite series of bounces |
 | [`rough`] | the tangential part of the impact of rough spheres |
 | [`flight`] | the state of a body after a given time |
+| [`drag`] | the same under a linear drag |
 | [`surface`] | shapes of walls, built in ([`partition`]) or of another crate, and the times at which spheres touch them |
 | [`named`] | what another crate adds, with its name in scenes |
 
@@ -44,6 +45,7 @@ pub mod bounces;
 pub mod bounded;
 pub mod contact;
 pub mod curved;
+pub mod drag;
 pub mod flight;
 pub mod impact;
 pub mod law;

@@ -136,8 +136,13 @@ pub fn names_without_means() -> [&'static str; 3] {
     haff_engine::NO_MEANS
 }
 
-/// Name, description and text of every starter scene.
+/// Paths and texts of the files of a scene.
+type NamedTexts = Vec<(&'static str, &'static str)>;
+
+/// Name, title and text of every shipped scene, and the files that it names.
 #[pyfunction]
-pub fn templates() -> Vec<(&'static str, &'static str, &'static str)> {
-    haff_scene::templates().to_vec()
+pub fn templates() -> Vec<(&'static str, &'static str, &'static str, NamedTexts)> {
+    haff_scene::templates()
+        .map(|template| (template.name, template.title(), template.text, template.files.to_vec()))
+        .collect()
 }

@@ -51,7 +51,11 @@ use std::io::{self, Read};
 use std::path::Path;
 
 pub use assemble::CHANGEABLE;
-pub use config::{joints, schema::schema, templates::templates};
+pub use config::{
+    joints,
+    schema::schema,
+    templates::{Template, template, templates},
+};
 pub use glam::DVec3;
 pub use haff_engine::{Action, Column, DrivenParticles, Exchange, Particles, Partner, Probe, VelocityChange};
 pub use haff_mechanics::{ContactLaw, NormalContact, RelativeFlight, Surface};

@@ -1,6 +1,7 @@
 """Checks and statistics on recorded runs, on top of SciPy, freud and pandas.
 
-What takes all frames of a file is given a selection: ``run.frames[::10]``, or :func:`drawn_frames`.
+What is a mean over frames is given a frame, frames such as ``run.frames[::10]`` or :func:`drawn_frames`, or a run, of
+which all are taken; what is of one frame, such as clusters, is given one, and :func:`history` has it of every frame.
 
 *What to change here.* A new quantity computed from a file: a module for its subject. Formulas of theory that it is
 compared with have their conditions in :mod:`.conditions`.
@@ -18,6 +19,8 @@ from .distributions import PairDistributions, pair_distributions
 from .energies import kinetic_energy, rotational_energy, rotational_temperature, temperature
 from .gaps import Gaps, close_gaps
 from .heights import HeightProfile, height_axis, height_profile
+from .histories import cluster_history, history, structure_history
+from .impacts import impacts
 from .mixing import Mixing, mixing
 from .overlaps import Overlap, max_overlap
 from .packings import (
@@ -59,6 +62,7 @@ __all__ = [
     "block_average",
     "bond_order",
     "close_gaps",
+    "cluster_history",
     "cluster_sizes",
     "clusters",
     "contact_network",
@@ -70,6 +74,8 @@ __all__ = [
     "heated_state",
     "height_axis",
     "height_profile",
+    "history",
+    "impacts",
     "jamming_fraction",
     "kinetic_energy",
     "max_overlap",
@@ -91,6 +97,7 @@ __all__ = [
     "sonine_a2",
     "static_structure",
     "structure_factor",
+    "structure_history",
     "temperature",
     "velocity_histogram",
     "viscosity_scale",

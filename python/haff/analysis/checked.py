@@ -16,7 +16,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 __all__ = ["checked"]
 
 
+def _opened(value: Any) -> Any:
+    """The file of the result of a run."""
+    return value.file if hasattr(value, "report") and hasattr(value, "file") else value
+
+
 def _file(name: str, value: object) -> object:
+    value = _opened(value)
     if not hasattr(value, "scene"):
         raise ArgumentError(f"{name} = {quoted(value)}: must be an open file, as haff.open returns it")
     return value
@@ -28,13 +34,19 @@ def _is_frame(value: object) -> bool:
 
 def _frame(name: str, value: object) -> object:
     if not _is_frame(value):
-        raise ArgumentError(f"{name} = {quoted(value)}: must be a frame of a file, such as run.frames[-1]")
+        value = _opened(value)
+        each = "; haff.analysis.history(run, function) is that of every frame" if hasattr(value, "frames") else ""
+        raise ArgumentError(f"{name} = {quoted(value)}: must be a frame of a file, such as run.frames[-1]{each}")
     return value
 
 
 def _frames(name: str, value: object) -> Iterable[Any]:
-    """Frames, one after the other: those of a file are never all in memory."""
-    allowed = "must be frames of a file, such as run.frames[::10]"
+    """Frames, one after the other: those of a file are never all in memory. One frame is one of them."""
+    allowed = "must be a frame, frames such as run.frames[::10], or a run, of which all are taken"
+    if _is_frame(value):
+        return [value]
+    value = _opened(value)
+    value = getattr(value, "frames", value)
     try:
         found = iter(value)  # type: ignore[call-overload]
     except Exception:
@@ -51,15 +63,10 @@ def _frames(name: str, value: object) -> Iterable[Any]:
     return each()
 
 
-def _one_or_more(name: str, value: object) -> object:
-    return value if _is_frame(value) else _frames(name, value)
-
-
 _CHECKS: dict[str, Callable[[str, Any], object]] = {
     "Recording": _file,
     "Frame": _frame,
     "Iterable[Frame]": _frames,
-    "Frame | Iterable[Frame]": _one_or_more,
     "float | None": lambda name, value: None if value is None else arguments.number(name, value),
 }
 """By the annotation of a parameter."""
@@ -73,13 +80,13 @@ def checked(function: F) -> F:
     @wraps(function)
     def call(*arguments: Any, **keywords: Any) -> Any:
         try:
-            given = signature.bind(*arguments, **keywords).arguments
+            given = signature.bind(*arguments, **keywords)
         except TypeError:
             # In Python's own words.
             return function(*arguments, **keywords)
-        for name, value in given.items():
+        for name, value in given.arguments.items():
             if check := _CHECKS.get(kinds[name]):
-                given[name] = check(name, value)
-        return function(**given)
+                given.arguments[name] = check(name, value)
+        return function(*given.args, **given.kwargs)
 
     return call  # type: ignore[return-value]

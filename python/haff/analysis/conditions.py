@@ -33,7 +33,12 @@ SHORT = 0.01
 """Largest contact duration of the TC model that does not change the cooling, in mean free times."""
 RARE = 0.2
 """Longest mean time between kicks that are white noise, in mean free times."""
-DRIVES = {"rescale": "velocities rescaled", "andersen": "an Andersen thermostat", "white_noise": "white noise"}
+DRIVES = {
+    "rescale": "velocities rescaled",
+    "andersen": "an Andersen thermostat",
+    "white_noise": "white noise",
+    "drag": "a drag",
+}
 """Drives in words, by their kinds."""
 DRIFT = 0.1
 """Relative change of a temperature that is steady, beside its fluctuations."""
@@ -260,10 +265,10 @@ def _not_noise(file: Recording) -> str | None:
 
 
 def _not_cooling_shape(file: Recording) -> str | None:
-    """A drive other than a common factor of all velocities, which leaves their distribution as it is."""
+    """A drive other than a common factor of all velocities, as of a drag, which leaves their distribution as it is."""
     names = set(file.species_names)
     for drive in file.scene.get("drive", ()):
-        if drive["kind"] != "rescale" or not names <= set(drive.get("species", names)):
+        if drive["kind"] not in ("rescale", "drag") or not names <= set(drive.get("species", names)):
             return _drives(file)
     return None
 
@@ -272,7 +277,7 @@ STEADY = Condition("a steady temperature", _changing)
 SETTLED = Condition("a steady temperature in the frames that it is of", _unsettled)
 AT_REST = Condition("a center of mass at rest", _drifting)
 WHITE_NOISE = Condition("white noise on all particles", _not_noise)
-COOLING_SHAPE = Condition("a gas that cools freely, or whose velocities are rescaled", _not_cooling_shape)
+COOLING_SHAPE = Condition("a gas that cools freely, or whose velocities are rescaled or damped", _not_cooling_shape)
 
 
 # --- the conditions of each formula --------------------------------------------------------------------------

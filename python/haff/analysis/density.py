@@ -45,7 +45,7 @@ class DensityField(NamedTuple):
 
 @checked
 def density_field(
-    frames: Frame | Iterable[Frame], cells: int | Sequence[int], quantity: str = "packing_fraction"
+    frames: Iterable[Frame], cells: int | Sequence[int], quantity: str = "packing_fraction"
 ) -> DensityField:
     """Packing fraction or number density on a grid over the box, averaged over frames.
 
@@ -57,7 +57,7 @@ def density_field(
     Parameters
     ----------
     frames
-        A frame, or several of one file.
+        A frame, several of one file, or a run, of which all are taken.
     cells
         Number of cells along the longest axis, the others in proportion; or one for each axis.
     quantity
@@ -73,10 +73,10 @@ def density_field(
         There are no frames.
     """
     quantity = choice("quantity", quantity, QUANTITIES)
-    chosen = [frames] if hasattr(frames, "position") else list(frames)  # type: ignore[arg-type,list-item]
+    chosen = list(frames)
     if not chosen:
         raise NotApplicableError("no frames")
-    first: Frame = chosen[0]  # type: ignore[assignment]
+    first = chosen[0]
     d = first.box.dimension
     low, size = _region(chosen, d)
     if not (np.isfinite(size) & (size > 0)).all():

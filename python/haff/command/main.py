@@ -1,4 +1,4 @@
-"""``python -m haff``: the commands ``plot``, ``export`` and ``view`` of ``haff``, which are written in Python.
+"""``python -m haff``: the commands of ``haff`` which are written in Python: ``plot``, ``export``, ``view``, ``table``.
 
 Exit status: 0 done · 2 the arguments are invalid, or the requested figure or format does not apply · 4 a file cannot be
 read or written, or a library is not installed.
@@ -25,7 +25,7 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="haff", description="Figures, exports and pages of the runs of haff.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (_add_plot, _add_export, _add_view):
+    for add in (_add_plot, _add_export, _add_view, _add_table):
         add(commands)
     return parser
 
@@ -60,7 +60,10 @@ def _add_plot(commands) -> None:
     plot.add_argument("-o", "--output", type=Path, metavar="DIR", help="directory of the figures (default: figures)")
     plot.add_argument("--format", choices=("png", "pdf", "svg"), default="png", help="default: png")
     plot.add_argument(
-        "--frame", type=int, default=-1, metavar="I", help="frame of a figure of one frame (default: the last)"
+        "--frame",
+        type=int,
+        metavar="I",
+        help="frame of figures of frames (default: the last, or several that the figure names)",
     )
     plot.add_argument("--show", action="store_true", help="shows the figures on the screen, too")
     plot.add_argument("--movie", type=Path, metavar="OUT", help="draws a movie instead: OUT.mp4 or OUT.gif")
@@ -132,6 +135,23 @@ def _add_view(commands) -> None:
     view.set_defaults(run=_view)
 
 
+def _add_table(commands) -> None:
+    table = _command(
+        commands,
+        "table",
+        "writes the impacts of a run as a table",
+        "Writes the impacts of a run of few bodies as a table: names, velocities before and after, angles to the\n"
+        "normal, e, impulse, the loss of energy, and what is missing in Carnot's theorem. It needs an event log.",
+        "examples:\n  haff table breakshot.h5\n  haff table breakshot.h5 -o impacts.tex",
+    )
+    table.add_argument("-o", "--output", type=Path, metavar="OUT", help="file to write (default: standard output)")
+    table.add_argument(
+        "--to", metavar="FORMAT", help="markdown, csv or latex (default: by the ending of OUT, or markdown)"
+    )
+    table.add_argument("--overwrite", action="store_true", help="replaces an existing file")
+    table.set_defaults(run=_table)
+
+
 def _add_frames(command: argparse.ArgumentParser, which: str = "") -> None:
     command.add_argument(
         "--frames", metavar="START:STOP:STEP", help=f"frames {which}as in Python: 0:100, ::10, -1 (default: all)"
@@ -157,12 +177,13 @@ _KINDS = {
     "paths": "few bodies: paths in the plane of motion",
     "density": "picture of the packing fraction on a grid; in 3D its mean along an axis, and a slice",
     "clusters": "clusters of particles near contact: the largest against time, and their sizes",
+    "structure_history": "static structure factor against time: its peak, and the length of its waves",
     "structure_factor": "static structure factor S(k) with its error",
     "contacts": "packings: contacts and rattlers of a frame; in 3D those of a layer",
     "partials": "mixtures: pair distribution of each pair of species",
     "heights": "gravity or walls: density, temperature and velocity against height, from frames",
 }
-_BY_NAME = ("density", "clusters", "structure_factor", "contacts", "partials", "heights")
+_BY_NAME = ("density", "clusters", "structure_history", "structure_factor", "contacts", "partials", "heights")
 _COLORINGS = ("speed", "species", "loss", "recent-loss", "density")
 _FORMATS = ("gsd", "extxyz", "vtkhdf", "csv", "parquet")
 _TABLES = ("observables", "frames", "events")
@@ -207,6 +228,17 @@ def _export(options: argparse.Namespace) -> int:
     return 0
 
 
+def _table(options: argparse.Namespace) -> int:
+    require_file(options.file)
+    from .. import reader
+    from .table import write
+
+    with reader.open(options.file) as file:
+        text = write(file, options.output, options.to, overwrite=options.overwrite)
+    print(escaped(options.output) if text is None else text, end="\n" if text is None else "")
+    return 0
+
+
 def _view(options: argparse.Namespace) -> int:
     require_file(options.file)
     from ..viewer import view
@@ -240,6 +272,8 @@ def _plot(options: argparse.Namespace) -> int:
 
     directory = options.output or Path("figures")
     with reader.open(options.file) as file:
+        if options.frame is not None and options.kind and not set(options.kind) & set(figures.OF_FRAMES):
+            return _fail(f"--frame: goes with the figures {', '.join(figures.OF_FRAMES)}", status=2)
         kinds = options.kind or [name for name, kind in figures.KINDS.items() if kind.standard]
         results = figures.save_all(file, kinds, directory, options.format, options.frame, overwrite=options.overwrite)
         for result in results:
@@ -277,7 +311,7 @@ def _tell(notes: list[str]) -> None:
         print(f"haff: {escaped(note)}", file=sys.stderr)
 
 
-def _show(drawn, file, frame: int) -> None:
+def _show(drawn, file, frame: int | None) -> None:
     """Opens windows with the figures, where there is a screen."""
     import matplotlib.pyplot as plt
 
@@ -287,7 +321,7 @@ def _show(drawn, file, frame: int) -> None:
         print("no screen to show the figures on", file=sys.stderr)
         return
     for result in drawn:
-        figure = figures.draw(file, result.kind, **({"index": frame} if result.kind in figures.OF_A_FRAME else {}))
+        figure = figures.draw(file, result.kind, **figures.of_frame(result.kind, frame))
         canvas = plt.figure().canvas
         canvas.figure = figure
         figure.set_canvas(canvas)

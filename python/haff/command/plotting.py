@@ -35,7 +35,8 @@ def plot(
     overwrite
         Whether an existing picture is replaced.
     options
-        ``index``: the frame of a figure of one frame (``contacts``, ``density``, ``snapshot``), −1 by default.
+        ``index``: the frame of a figure of frames (:data:`haff.figures.OF_FRAMES`). Figures of one frame are by default
+        of the last, others of several.
 
     Raises
     ------

@@ -85,6 +85,9 @@ KINDS: dict[str, Kind] = {
         "clusters of particles near contact: the largest against time, and their sizes",
         standard=False,
     ),
+    "structure_history": Kind(
+        _from("waves"), "static structure factor against time: its peak, and the length of its waves", standard=False
+    ),
     "structure_factor": Kind(_from("scattering"), "static structure factor S(k) with its error", standard=False),
     "contacts": Kind(
         _from("contacts"), "packings: contacts and rattlers of a frame; in 3D those of a layer", standard=False
@@ -98,7 +101,10 @@ KINDS: dict[str, Kind] = {
 }
 
 OF_A_FRAME = ("contacts", "density", "snapshot")
-"""Figures of one frame, which ``index`` chooses."""
+"""Figures of one frame, which ``index`` chooses, the last by default."""
+
+OF_FRAMES = (*OF_A_FRAME, "clusters", "heights", "partials", "structure", "structure_factor", "velocity")
+"""Those, and figures of several frames, of which ``index`` chooses one."""
 
 
 class Result(NamedTuple):
@@ -119,7 +125,8 @@ def draw(file: Recording, kind: str, **options: object) -> Figure:
     kind
         A key of :data:`KINDS`.
     options
-        ``index``: the frame of a figure of one frame (``contacts``, ``density``, ``snapshot``), −1 by default.
+        ``index``: the frame of a figure of frames (:data:`OF_FRAMES`). Figures of one frame are by default
+        of the last, others of several.
 
     Raises
     ------
@@ -143,6 +150,11 @@ def _drawn(file: Recording, kind: str, **options: object) -> Figure:
         raise ArgumentError(f"kind = {quoted(kind)}: no such figure; there are {', '.join(KINDS)}")
     with style(), computing(file.path, f"figure {kind}"):
         return KINDS[kind].draw(file, **options)
+
+
+def of_frame(kind: str, frame: int | None) -> dict[str, int]:
+    """The options of a figure for a frame, if one is asked for and the figure is of frames."""
+    return {} if frame is None or kind not in OF_FRAMES else {"index": frame}
 
 
 def check_picture(output: object, overwrite: object) -> Path | None:
@@ -191,7 +203,7 @@ def save_all(
     kinds: Sequence[str],
     directory: Path,
     extension: str = "png",
-    frame: int = -1,
+    frame: int | None = None,
     *,
     overwrite: bool = False,
 ) -> list[Result]:
@@ -207,7 +219,7 @@ def save_all(
     results = []
     for kind, path in paths.items():
         try:
-            figure = _drawn(file, kind, **({"index": frame} if kind in OF_A_FRAME else {}))
+            figure = _drawn(file, kind, **of_frame(kind, frame))
         except (NotApplicableError, MissingDataError) as error:
             results.append(Result(kind, None, str(error).removeprefix(f"{escaped(file.path)}: ")))
             continue

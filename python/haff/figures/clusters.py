@@ -10,7 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from .. import analysis
 from ..errors import NotApplicableError
-from .facts import facts
+from .facts import facts, is_geometric
+from .of_a_frame import chosen as of_index
 from .style import BLUE, RED, headline, note
 
 if TYPE_CHECKING:
@@ -24,8 +25,12 @@ MOST_PARTICLES = 300_000
 FEWEST = 30
 
 
-def draw(file: Recording) -> Figure:
-    """Share of the largest cluster and clusters per particle against time, and sizes in the last frame."""
+def draw(file: Recording, index: int | None = None) -> Figure:
+    """Share of the largest cluster and clusters per particle against time, and sizes in the last frame.
+
+    Or in the frame of an index, and then without the time. Where the times of frames grow by a factor, so does their
+    axis.
+    """
     if len(file) < FEWEST:
         raise NotApplicableError(f"{len(file)} particles are too few for clusters")
     frames = file.frames
@@ -34,7 +39,7 @@ def draw(file: Recording) -> Figure:
     most = int(np.clip(MOST_PARTICLES / len(file), 1, min(MOST_FRAMES, len(frames))))
     # The last one always, and before it those at equal distances.
     rows = np.unique(np.round(np.linspace(len(frames) - 1, 0, most)).astype(int))
-    chosen = [frames[int(row)] for row in rows]
+    chosen = [frames[int(row)] for row in rows] if index is None else [of_index(file, index)]
     found = [analysis.clusters(frame, DISTANCE) for frame in chosen]
     time = [frame.time for frame in chosen]
 
@@ -46,6 +51,8 @@ def draw(file: Recording) -> Figure:
         top.plot(time, [one.largest / len(file) for one in found], color=BLUE, marker="o", label="largest cluster / N")
         top.plot(time, [len(one.sizes) / len(file) for one in found], color=RED, marker="o", label="clusters / N")
         top.set_ylim(0, 1.05)
+        if is_geometric(time):
+            top.set_xscale("log")
         top.set_xlabel("simulated time $t$  [scene’s unit of time]")
         top.set_ylabel("fraction")
         top.legend(loc="best")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,16 @@ def sampled(file: Recording, time: np.ndarray) -> str:
     """:func:`facts`, and whether the samples at these times are at one phase of an oscillation."""
     note = phase_note(file, time)
     return facts(file) + (f"  ·  samples {label(note)}" if note else "")
+
+
+def is_geometric(time: Sequence[float] | np.ndarray) -> bool:
+    """Whether the positive times, at least four, grow by about one factor, and by more than 30 in all."""
+    after = np.asarray(time, float)
+    after = after[after > 0]
+    if len(after) < 4 or after[-1] < 30 * after[0]:
+        return False
+    steps = np.diff(np.log(after))
+    return bool(np.std(steps) < 0.5 * np.mean(steps))
 
 
 def _restitutions(file: Recording) -> list[str]:

@@ -11,6 +11,7 @@ from .. import analysis
 from ..errors import NotApplicableError
 from ..files.layout import AXES
 from .facts import facts
+from .of_a_frame import chosen as of_index
 from .structure import times
 from .style import BLUE, CYCLE, GREY, RED, headline
 
@@ -23,7 +24,7 @@ MOST_PARTICLES = 4_000_000
 FEWEST = 30
 
 
-def draw(file: Recording) -> Figure:
+def draw(file: Recording, index: int | None = None) -> Figure:
     """Means over the later half of the frames, with two standard errors of the frames as independent ones."""
     axis, _ = analysis.height_axis(file)
     if len(file) < FEWEST:
@@ -34,7 +35,7 @@ def draw(file: Recording) -> Figure:
     late = np.flatnonzero(frames.time >= 0.5 * (frames.time[0] + frames.time[-1]))
     most = int(np.clip(MOST_PARTICLES // len(file), 1, MOST_FRAMES))
     rows = np.unique(np.round(np.linspace(late[-1], late[0], min(most, len(late)))).astype(int))
-    chosen = [frames[int(row)] for row in rows]
+    chosen = [frames[int(row)] for row in rows] if index is None else [of_index(file, index)]
     bins = int(np.clip(len(file) * len(chosen) // 400, 8, 60))
     found = analysis.height_profile(chosen, bins, limits=_limits(chosen, axis))
 

@@ -1,4 +1,4 @@
-"""What figures of one frame share: which frame it is, and disks in their box, with those across periodic faces."""
+"""What figures of frames share: which frames they are of, and disks in their box, with those across periodic faces."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import Collection, EllipseCollection
 
+from .. import analysis
 from ..common import arguments
 from ..errors import NotApplicableError
 
@@ -29,6 +30,11 @@ def chosen(file: Recording, index: int) -> Frame:
     if not -len(frames) <= index < len(frames):
         raise NotApplicableError(f"frame {index} of {len(frames)}")
     return frames[index]
+
+
+def drawn(file: Recording, index: int | None, most: int) -> list[Frame]:
+    """The frames of a figure of several: the one of an index, or up to ``most`` spread over the file."""
+    return analysis.drawn_frames(file, most) if index is None else [chosen(file, index)]
 
 
 def disks(

@@ -24,7 +24,7 @@ FEWEST = 10
 """Fewest particles of a species."""
 
 
-def draw(file: Recording) -> Figure:
+def draw(file: Recording, index: int | None = None) -> Figure:
     """g_ab(r) of each pair of species with the contact distance and, of homogeneous fluids, the value of theory there.
 
     Of inelastic particles that value is seen (1 + e)/2e times as large, as in the figure of one species.
@@ -33,7 +33,7 @@ def draw(file: Recording) -> Figure:
     drawn = [int(s) for s in np.argsort(-counts, kind="stable")[:MOST_SPECIES] if counts[s] >= FEWEST]
     if len(drawn) < 2:
         raise NotApplicableError("fewer than two species of ten particles or more: their g(r) is the figure structure")
-    frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
+    frames, sigma, r_max, bins = sampled(file, MOST_PAIRS, index)
     found = analysis.pair_distributions(frames, r_max, bins, most_pairs=MOST_PAIRS)
     why = conditions.unmet(file, homogeneous.CONTACT_VALUE)
     contacts = {} if why else _contact_values(file, counts)

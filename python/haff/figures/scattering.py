@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from .. import analysis
 from ..errors import NotApplicableError
 from .facts import facts
+from .of_a_frame import drawn
 from .structure import times
 from .style import BLUE, GREY, headline, note
 
@@ -26,7 +27,7 @@ LARGEST = 15.0
 """Largest wave number drawn [1/mean diameter]."""
 
 
-def draw(file: Recording) -> Figure:
+def draw(file: Recording, index: int | None = None) -> Figure:
     """S(k) up to k σ = 15, with two standard errors."""
     d = file.dimension
     if not file.box.fully_periodic:
@@ -35,7 +36,7 @@ def draw(file: Recording) -> Figure:
         raise NotApplicableError(f"{len(file)} particles are too few for S(k)")
     sigma = float(np.mean(2 * file.radius))
     phases = MOST_PHASES / (len(file) * SHELLS)
-    frames = analysis.drawn_frames(file, int(np.clip(phases / FEWEST_WAVES, 1, MOST_FRAMES)))
+    frames = drawn(file, index, int(np.clip(phases / FEWEST_WAVES, 1, MOST_FRAMES)))
     if not frames:
         raise NotApplicableError("no frames")
     waves = int(max(FEWEST_WAVES, phases / len(frames)))
@@ -44,11 +45,20 @@ def draw(file: Recording) -> Figure:
 
     figure = Figure(figsize=(6.4, 4.6), layout="constrained")
     axes = figure.subplots()
+    several = f"{len(frames)} frames" if len(frames) > 1 else "one frame"
     x, error = found.k * sigma, np.nan_to_num(2 * found.error)
     axes.axhline(1, color=GREY, lw=0.8, ls=":")
     axes.fill_between(x, np.maximum(found.value - error, 0), found.value + error, color=BLUE, alpha=0.25, lw=0,
                       label="two standard errors")  # fmt: skip
-    axes.plot(x, found.value, color=BLUE, lw=1.3, marker=".", ms=4, label=f"simulation, {len(frames)} frames")
+    axes.plot(
+        x,
+        found.value,
+        color=BLUE,
+        lw=1.3,
+        marker=".",
+        ms=4,
+        label=f"simulation, {several}",
+    )
     axes.set_xlim(0, float(x[-1]))
     axes.set_ylim(0, 1.08 * float(np.max(found.value + error)))
     mean = r"\sigma" if len(np.unique(file.radius)) == 1 else r"\bar\sigma"

@@ -14,6 +14,7 @@ from ..errors import NotApplicableError
 from ..files.frames import Frame
 from ..files.header import packing_fraction
 from .facts import facts
+from .of_a_frame import drawn
 from .style import BLUE, GREEN, GREY, RED, headline, label, left_out
 
 if TYPE_CHECKING:
@@ -34,10 +35,10 @@ class Range(NamedTuple):
     bins: int
 
 
-def draw(file: Recording) -> Figure:
+def draw(file: Recording, index: int | None = None) -> Figure:
     """g(r) from contact on, with the contact value of theory for a homogeneous fluid of equal particles."""
     d, sizes = file.dimension, np.unique(2 * file.radius)
-    frames, sigma, r_max, bins = sampled(file, MOST_PAIRS)
+    frames, sigma, r_max, bins = sampled(file, MOST_PAIRS, index)
     found = analysis.pair_distributions(frames, r_max, bins, most_pairs=MOST_PAIRS)
     r, g, alike = found.r, found.total, len(sizes) == 1
 
@@ -63,8 +64,8 @@ def draw(file: Recording) -> Figure:
     return figure
 
 
-def sampled(file: Recording, most_pairs: float) -> Range:
-    """The frames and bins of a figure, for up to about ``most_pairs`` distances."""
+def sampled(file: Recording, most_pairs: float, index: int | None) -> Range:
+    """The frames and bins of a figure, for up to about ``most_pairs`` distances; of one frame if an index is given."""
     box, d = file.box, file.dimension
     if not box.fully_periodic:
         raise NotApplicableError("g(r) needs a periodic box")
@@ -74,7 +75,7 @@ def sampled(file: Recording, most_pairs: float) -> Range:
     reach = min(4.5 * sigma, 0.499 * box.size[:d].min())
     neighbors = len(file) / box.volume * (4.2 * reach**3 if d == 3 else 3.2 * reach**2)
     most = int(np.clip(most_pairs / (len(file) * neighbors), 1, MOST_FRAMES))
-    frames = analysis.drawn_frames(file, most)
+    frames = drawn(file, index, most)
     if not frames:
         raise NotApplicableError("no frames")
     # A sheared box is narrower at times.

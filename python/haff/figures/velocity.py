@@ -13,6 +13,7 @@ from ..analysis import conditions, homogeneous
 from ..errors import NotApplicableError
 from ..files.layout import AXES
 from .facts import facts
+from .of_a_frame import drawn
 from .structure import times
 from .style import BLUE, GREEN, GREY, RED, headline, left_out, note, signed
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 MOST_FRAMES = 40
 
 
-def draw(file: Recording) -> Figure:
+def draw(file: Recording, index: int | None = None) -> Figure:
     """Density of one scaled velocity component, log scale, and its ratio to Maxwell's below.
 
     The Sonine correction of theory is that of the homogeneous cooling state, or of a gas heated by white noise, where
@@ -31,7 +32,7 @@ def draw(file: Recording) -> Figure:
     """
     if np.isfinite(file.mass).sum() < 200:
         raise NotApplicableError(f"{len(file)} particles are too few for a distribution")
-    frames = [f for f in analysis.drawn_frames(file, MOST_FRAMES) if analysis.temperature(f) > 0]
+    frames = [f for f in drawn(file, index, MOST_FRAMES) if analysis.temperature(f) > 0]
     if not frames:
         raise NotApplicableError("nothing moves in the recorded frames")
     d = file.dimension

@@ -15,6 +15,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -23,6 +24,7 @@ import numpy as np
 from .. import reader
 from ..common import arguments
 from ..common.compiled import compiled, schema
+from ..common.temporary import TemporaryFolder
 from ..errors import (
     ArgumentError,
     FileError,
@@ -64,7 +66,9 @@ def source(scene: Scene, overrides: Mapping[str, Any]) -> dict[str, Any]:
             problem = SceneProblem(f"{path}: not UTF-8 text", str(path), message="not UTF-8 text", code="not_text")
             raise SceneError([problem]) from None
         except OSError as error:
-            raise FileError(f"{path}: {error.strerror or error}") from None
+            name = str(path)
+            hint = f'; haff.template("{name}") is a shipped scene of this name' if name in templates() else ""
+            raise FileError(f"{path}: {error.strerror or error}{hint}") from None
     return {"name": name, "text": text, "overrides": settings(overrides), "has_file": has_file}
 
 
@@ -165,12 +169,12 @@ def validate(scene: Scene, /, **overrides: Any) -> dict[str, Any]:
 
 
 def templates() -> dict[str, str]:
-    """Descriptions of the starter scenes, by name; see :func:`template`."""
-    return {name: description for name, description, _ in compiled().templates()}
+    """Titles of the shipped scenes, by name; see :func:`template`."""
+    return {name: title for name, title, _, _ in compiled().templates()}
 
 
 def template(name: str) -> dict[str, Any]:
-    """A starter scene as a dict, to be changed and run.
+    """A shipped scene as a dict, to be changed and run.
 
     Its ``output.file`` is a proposal for ``haff run``: :func:`run` writes a temporary file instead, unless it is told
     where.
@@ -181,13 +185,31 @@ def template(name: str) -> dict[str, Any]:
     >>> haff.template("cooling")["contact"]
     {'restitution': 0.9}
     """
-    found = {key: text for key, _, text in compiled().templates()}
+    found = {key: (text, files) for key, _, text, files in compiled().templates()}
     if not isinstance(name, str) or name not in found:
         raise UnknownNameError(f"name = {quoted(name)}: no such template; there are {', '.join(found)}")
-    scene = tomllib.loads(found[name])
+    text, files = found[name]
+    scene = tomllib.loads(text)
+    if files:
+        _add_files(scene, dict(files))
     if "file" in scene.get("output", {}):
         scene["output"]["file"] = ProposedName(scene["output"]["file"])
     return scene
+
+
+def _add_files(scene: dict[str, Any], files: Mapping[str, str]) -> None:
+    """Writes the meshes of a scene to a folder that exists until Python ends."""
+    for wall in scene.get("wall", ()):
+        mesh = wall.get("mesh", {})
+        if mesh.get("file") in files:
+            path = _folder().path / Path(mesh["file"]).name
+            path.write_text(files[mesh["file"]], encoding="utf-8")
+            mesh["file"] = str(path)
+
+
+@cache
+def _folder() -> TemporaryFolder:
+    return TemporaryFolder()
 
 
 def recorded_state(path: str | os.PathLike[str], index: int = -1) -> dict[str, Any]:

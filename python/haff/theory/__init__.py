@@ -83,7 +83,8 @@ from .equilibrium import (
     periodic_contact_value,
     virial_disks,
 )
-from .heated import added_speed_temperature, heated_temperature, sonine_a2_heated
+from .heat import heat_flux, temperature_jump, thermal_conductivity
+from .heated import added_speed_temperature, heated_temperature, sonine_a2_heated, suspension_temperature
 from .mixtures import (
     MixtureRates,
     granular_temperatures,
@@ -131,6 +132,7 @@ __all__ = [
     "granular_temperatures",
     "haff_temperature",
     "haff_time",
+    "heat_flux",
     "heated_temperature",
     "henderson",
     "kolafa_labik_malijevsky",
@@ -152,6 +154,9 @@ __all__ = [
     "sonine_a2_heated",
     "sonine_component",
     "sonine_polynomial",
+    "suspension_temperature",
+    "temperature_jump",
+    "thermal_conductivity",
     "uniform_shear_enskog",
     "uniform_shear_model",
     "uniform_shear_temperature",

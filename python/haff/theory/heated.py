@@ -54,6 +54,46 @@ def heated_temperature(
 
 
 @numeric
+def suspension_temperature(
+    strength: ArrayLike,
+    drag_time: ArrayLike,
+    e: ArrayLike,
+    n: ArrayLike,
+    sigma: ArrayLike,
+    m: ArrayLike = 1.0,
+    g0: ArrayLike = 1.0,
+    d: int = 3,
+    a2: ArrayLike = 0.0,
+) -> Array:
+    r"""Temperature of the steady state of a granular suspension: grains with a drag and white noise [energy].
+
+    .. math:: \frac{d\,m\,\xi_0^2}2 = \frac{d\,T}\tau + \frac{(1 - e^2)\,\omega(T)\,T}2\Bigl(1 + \frac{3a_2}{16}\Bigr)
+
+    (Hayakawa 2003), the balance of :func:`heated_temperature` with what a drag :math:`dv/dt = -v/\tau` takes. Without
+    collisions, or at e = 1, it is the temperature of the bath, :math:`m\xi_0^2\tau/2`.
+
+    Parameters
+    ----------
+    strength
+        :math:`\xi_0^2` [length²/time³]: variance that each component of a velocity gets in a unit of time.
+    drag_time
+        :math:`\tau` [time].
+    a2
+        Sonine coefficient; default zero, velocities of Maxwell.
+    """
+    strength, drag_time, e, m = (np.asarray(x, float) for x in (strength, drag_time, e, m))
+    bath = 0.5 * m * strength * drag_time
+    rate = collision_frequency(n, sigma, 1.0, m, g0, d) * np.sqrt(bath)
+    loss = drag_time * (1 - e**2) * rate * (1 + 3 * np.asarray(a2, float) / 16) / (2 * d)
+    # 1 = x² + loss x³ for x = √(T/T_bath). Its left side minus its right one is concave: Newton's method goes down to
+    # the root from 1.
+    x = np.ones(np.broadcast(bath, loss).shape)
+    for _ in range(100):
+        x = x - (x**2 + loss * x**3 - 1) / (2 * x + 3 * loss * x**2)
+    return bath * x**2
+
+
+@numeric
 def added_speed_temperature(delta: ArrayLike, e: ArrayLike, m: ArrayLike = 1.0) -> Array:
     r"""Temperature of the steady state of a gas whose contacts add :math:`2\Delta` to their speed [energy].
 

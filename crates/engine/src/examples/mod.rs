@@ -53,6 +53,7 @@ fn two_spheres() -> Simulation {
             rest_speed: 0.0,
         },
         spin: None,
+        drag: None,
         drives: Vec::new(),
         measure: crate::Measure::default(),
         flow: None,

@@ -38,7 +38,8 @@ pub(crate) fn penetration_to_correct(depth: f64, coordinates: DVec3, reach: f64)
 #[inline(always)]
 pub(crate) fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
     if !F::GRAVITY {
-        return world.flight::<F>(i, time);
+        let (position, velocity) = world.flight::<F>(i, time);
+        return (position, world.damped(velocity, time));
     }
     if let Some(wall) = world.carrier(i) {
         let particle = &world.particles[i as usize];
@@ -90,7 +91,7 @@ pub(crate) fn anchor(
     velocity: DVec3,
     time: i64,
 ) -> Result<(), EngineError> {
-    world.particles[i as usize].set_anchor(position, velocity, time);
+    world.set_anchor(i, position, velocity, time);
     if velocity.is_finite() { Ok(()) } else { Err(velocity_error(world, i, velocity, time)) }
 }
 

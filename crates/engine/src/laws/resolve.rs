@@ -14,7 +14,7 @@ use crate::{
         series::{end_of_bounces_early, keep_support},
     },
     model::features::Features,
-    motion::flights,
+    motion::{drag, flights},
     numerics::error::EngineError,
     report::{EventKind, Exchange, Observer, Partner, VelocityChange, ledger::Term, row},
     state::{State, particle::ClassData, world::World},
@@ -107,6 +107,11 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
 ) {
     let &PairImpact { bodies: [i, j], classes: [a, b], positions, before, after, n, distance, .. } = impact;
     let impact = impact.impact;
+    if !F::GRAVITY && !F::DEFORMS && state.world.is_damped() {
+        // Before the spins change.
+        drag::end_flight(state, i, time);
+        drag::end_flight(state, j, time);
+    }
     let tangential = if !F::ELASTIC && state.world.spin.is_some() {
         Some(rough::apply_pair(state, rough, time))
     } else {
@@ -124,10 +129,10 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
     if a.inverse_mass != 0.0 {
-        world.particles[i as usize].set_anchor(positions[0], after[0], time);
+        world.set_anchor(i, positions[0], after[0], time);
     }
     if b.inverse_mass != 0.0 {
-        world.particles[j as usize].set_anchor(positions[1], after[1], time);
+        world.set_anchor(j, positions[1], after[1], time);
     }
     if !F::ELASTIC && world.laws.contact_times.is_some() {
         world.note_contacts([i, j], time);

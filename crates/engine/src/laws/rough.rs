@@ -83,7 +83,8 @@ fn pair<F: Features>(
     let PairContact { bodies: [i, j], classes: [a, b], velocities: [wi, wj], n, .. } = contact;
     let (ui, uj, impact) = pair_law::resolve::<F>(world, &contact);
     let law = spins.pair[a.group * world.laws.groups + b.group];
-    let rough = [spins.body(i, &a, wi), spins.body(j, &b, wj)];
+    let decay = world.spin_decay(time);
+    let rough = [spins.body(i, &a, wi, decay), spins.body(j, &b, wj, decay)];
     let (tangential, [change_i, change_j]) = tangential(rough, n, impact.impulse, law);
     Some((tangential, [ui + change_i, uj + change_j], contact))
 }
@@ -120,11 +121,12 @@ pub(crate) fn apply_pair(state: &mut State, rough: &RoughPair, time: i64) -> Tan
     let State { world, accumulators, .. } = state;
     let &Some((tangential, contact)) = rough else { return Tangential::default() };
     let PairContact { bodies, classes, velocities, .. } = contact;
+    let decay = world.spin_decay(time);
     if let Some(spins) = &mut world.spin {
         for k in 0..2 {
             // Another thread may read the spin of a body of infinite mass, which never changes.
             if classes[k].inverse_mass != 0.0 {
-                spins.angular_velocity[bodies[k] as usize] = tangential.spins[k];
+                spins.angular_velocity[bodies[k] as usize] = tangential.spins[k] / decay;
             }
         }
     }
@@ -150,7 +152,8 @@ fn on_wall<F: Features>(
 ) -> Option<(Tangential, DVec3, WallContact)> {
     let spins = world.spin.as_deref()?;
     let contact = wall_contact::touch_wall::<F>(world, i, wall, time).ok()?;
-    let bodies = wall_bodies(spins, world, i, contact.velocity, contact.wall_velocity);
+    let velocities = [contact.velocity, contact.wall_velocity];
+    let bodies = wall_bodies(spins, world, i, velocities, world.spin_decay(time));
     let law = world.roughness(spins, i, wall);
     let (tangential, [change, _]) = tangential(bodies, contact.n, normal, law);
     Some((tangential, change, contact))
@@ -185,7 +188,7 @@ pub(crate) fn apply_wall(state: &mut State, rough: &RoughWall) -> Tangential {
     let &Some((tangential, contact)) = rough else { return Tangential::default() };
     let WallContact { i, wall, time, .. } = contact;
     let now = world.clock.shown(time);
-    world.set_spin(i, tangential.spins[0]);
+    world.set_spin(i, tangential.spins[0], time);
     tangential.add_losses(accumulators, now);
     accumulators.add_impulse(-tangential.impulse);
     world.add_from_wall(wall, -tangential.impulse, -tangential.energy_loss);
@@ -196,15 +199,16 @@ pub(crate) fn apply_wall(state: &mut State, rough: &RoughWall) -> Tangential {
     tangential
 }
 
-/// Particle i and a wall as bodies in a contact.
+/// Particle i and a wall as bodies in a contact, with their velocities and what a drag has left of the
+/// angular velocity.
 fn wall_bodies(
     spins: &Spins,
     world: &World,
     i: u32,
-    velocity: DVec3,
-    wall_velocity: DVec3,
+    [velocity, wall_velocity]: [DVec3; 2],
+    decay: f64,
 ) -> [RoughBody; 2] {
-    let body = spins.body(i, world.class(i), velocity);
+    let body = spins.body(i, world.class(i), velocity, decay);
     let wall = RoughBody {
         velocity: wall_velocity,
         angular_velocity: DVec3::ZERO,
@@ -229,11 +233,11 @@ pub(crate) fn end_series(state: &mut State, i: u32, velocity: DVec3, rest: &mut 
         return;
     }
     let n = -world.boundary.walls[rest.wall as usize].normal;
-    let bodies = wall_bodies(spins, world, i, velocity, DVec3::ZERO);
+    let bodies = wall_bodies(spins, world, i, [velocity, DVec3::ZERO], 1.0);
     let law = Roughness { tangential_restitution: 0.0, ..law };
     let (tangential, [change, _]) = tangential(bodies, n, rest.impulse, law);
     world.particles[i as usize].velocity += change;
-    world.set_spin(i, tangential.spins[0]);
+    world.set_spin(i, tangential.spins[0], world.now);
     world.add_wall_impulse(rest.wall, -tangential.impulse);
     state.accumulators.add_impulse(-tangential.impulse);
     rest.tangential = tangential.impulse;

@@ -49,7 +49,7 @@ impl World {
         let spins = self.spin.as_deref()?;
         let (_, velocity) = self.state(i, ticks);
         let angular_velocity = self.angular_velocity(i, ticks);
-        let body = RoughBody { angular_velocity, ..spins.body(i, self.class(i), velocity) };
+        let body = RoughBody { angular_velocity, ..spins.body(i, self.class(i), velocity, 1.0) };
         let wall =
             RoughBody { velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO, inverse_mass: 0.0, ..body };
         Some([body, RoughBody { radius: 0.0, ..wall }])

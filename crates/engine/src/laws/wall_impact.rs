@@ -18,7 +18,7 @@ use crate::{
         wall_contact::{WallContact, touch_wall},
     },
     model::{features::Features, wall_law::WallLaw, wall_motion::WallMotion},
-    motion::flights,
+    motion::{drag, flights},
     numerics::error::EngineError,
     report::{EventKind, Exchange, Observer, Partner, VelocityChange, ledger::Term, row},
     state::{State, world::World},
@@ -194,11 +194,11 @@ pub(crate) fn reflect<const EVENTS: bool>(
     let (before, after) = (contact.velocity - wall_velocity, velocity - wall_velocity);
     let class = *state.world.class(i);
     flights::end(state, i, time);
-    state.world.particles[i as usize].set_anchor(position, velocity, time);
+    state.world.set_anchor(i, position, velocity, time);
     state.world.note_contact(i, time);
     let now = state.world.clock.shown(time);
     if let Some(spin) = spin {
-        let energy = state.world.set_spin(i, spin);
+        let energy = state.world.set_spin(i, spin, time);
         state.accumulators.add_rotation(term, energy);
         state.world.add_wall_heat(wall, energy);
     }
@@ -237,6 +237,10 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
 ) {
     let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
     let &WallBounce { law, after, impact, repeated } = bounce;
+    if !F::GRAVITY && !F::DEFORMS && state.world.is_damped() {
+        // Before the spin changes.
+        drag::end_flight(state, i, time);
+    }
     let tangential =
         if !F::ELASTIC && state.world.spin.is_some() { Some(rough::apply_wall(state, rough)) } else { None };
     if F::GRAVITY || F::DEFORMS {
@@ -248,7 +252,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     // A fixed or driven body that a piston strikes: nothing changes its flight.
     let is_struck = F::PISTONS && class.inverse_mass == 0.0;
     if !is_struck {
-        world.particles[i as usize].set_anchor(position, after, time);
+        world.set_anchor(i, position, after, time);
     }
     if !F::ELASTIC {
         world.note_contact(i, time);

@@ -100,7 +100,7 @@ pub(crate) fn sample(system: &System, species_table: &Species, state: &mut State
     });
     let periodic = world.boundary.periodicity.is_periodic.contains(&true);
     let gravity_impulse = world.force.impulse_until(time);
-    let impulse = accumulators.impulse() + totals.carried.1;
+    let impulse = accumulators.impulse() + totals.carried.1 + totals.drag.1;
     let pistons = world.states_of_pistons();
     let rate = if first || span <= 0.0 { f64::NAN } else { counted as f64 / span };
     let mut sample = Sample {

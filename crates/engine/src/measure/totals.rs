@@ -26,6 +26,8 @@ pub(crate) struct Totals {
     pub angular_momentum: DVec3,
     /// What walls have given to the grains that they carry: energy, and momentum.
     pub carried: (f64, DVec3),
+    /// What a drag has done in the present flights: the energy that it has taken, and its impulse.
+    pub drag: (f64, DVec3),
 }
 
 impl Totals {
@@ -53,6 +55,7 @@ impl Totals {
             momentum: DVec3::new(px, py, pz),
             angular_momentum: DVec3::new(hx, hy, hz),
             carried: world.all_carried(),
+            drag: world.pending_drag(),
         }
     }
 
@@ -79,6 +82,7 @@ pub(crate) fn ledger(state: &State, totals: &Totals) -> Ledger {
     let mut terms = accumulators.terms();
     terms[Term::WallWork as usize] += totals.carried.0;
     terms[Term::LoadWork as usize] += totals.pistons.1;
+    terms[Term::Drag as usize] += totals.drag.0;
     if let Some((term, work)) = world.pending_flow_work() {
         terms[term as usize] += work;
     }

@@ -15,10 +15,10 @@ const ROUNDING: f64 = 1e-15;
 /// velocity of the center of mass along it. The system must have its bodies.
 ///
 /// It is conserved along a periodic or open axis, unless along it there is gravity, a wall, or a wall that is
-/// rough or thermal; and along no axis with a body of infinite mass, with an Andersen thermostat, with inlets
-/// or outlets, or where grains are put to rest. Under shear it is conserved along the axis that is neither
-/// that of the flow nor that of the gradient: a motion of the center of mass along the gradient leads to
-/// places where the flow is faster, and the shear does work on it. In a box that is compressed it is
+/// rough or thermal; and along no axis with a body of infinite mass, with an Andersen thermostat, a drag,
+/// inlets or outlets, or where grains are put to rest. Under shear it is conserved along the axis that is
+/// neither that of the flow nor that of the gradient: a motion of the center of mass along the gradient leads
+/// to places where the flow is faster, and the shear does work on it. In a box that is compressed it is
 /// conserved along no axis.
 ///
 /// False for the z axis in two dimensions.
@@ -27,7 +27,8 @@ pub fn conserved_momentum(system: &System) -> [bool; 3] {
     let is_held = has_body(system, f64::is_infinite)
         || has_bath(system)
         || Thresholds::of(system).is_some()
-        || system.flow.is_some();
+        || system.flow.is_some()
+        || system.drag.is_some();
     [0, 1, 2].map(|axis| {
         let sheared = system.domain.shear.is_some_and(|shear| axis == shear.flow || axis == shear.gradient);
         let is_compressed = system.domain.compression.is_some();

@@ -7,6 +7,7 @@ use haff_mechanics::{Restitution, Shape, Surface};
 
 use crate::model::{
     compression::Compression,
+    drag::Drag,
     drive::Drive,
     flow::Flow,
     measure::Measure,
@@ -259,6 +260,8 @@ pub struct System {
     pub contacts: Contacts,
     /// Spins and rough contacts; `None` for smooth particles.
     pub spin: Option<Spin>,
+    /// A drag on all particles.
+    pub drag: Option<Drag>,
     /// Drives: actions that add energy to the particles, or remove it, at stated times.
     pub drives: Vec<Drive>,
     /// Seed of the random numbers of drives and walls.

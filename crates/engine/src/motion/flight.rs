@@ -63,7 +63,8 @@ impl World {
         (ticks - self.particles[i as usize].time) as f64 * self.clock.tick
     }
 
-    /// Position (in anchor coordinates) and velocity of particle i at `ticks`.
+    /// Position (in anchor coordinates) and velocity of particle i at `ticks`. Under a drag the velocity is
+    /// that of the anchor.
     #[inline]
     pub fn flight<F: Features>(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
         let particle = &self.particles[i as usize];
@@ -83,8 +84,15 @@ impl World {
         }
     }
 
-    /// [`Self::flight`] for code that is not compiled per feature. Returns the same bits.
+    /// Position and velocity of particle i at `ticks`: of [`Self::flight`], with the velocity that a drag has
+    /// left.
     pub fn state(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
+        let (position, velocity) = self.any_flight(i, ticks);
+        (position, self.damped(velocity, ticks))
+    }
+
+    /// [`Self::flight`] for code that is not compiled per feature. Returns the same bits.
+    fn any_flight(&self, i: u32, ticks: i64) -> (DVec3, DVec3) {
         if self.flies_straight() {
             self.flight::<With<false, false>>(i, ticks)
         } else {
@@ -109,7 +117,7 @@ impl World {
 
     /// Moves the anchor of particle i along its flight to the present, which is no own event.
     pub fn move_anchor(&mut self, i: u32) {
-        let (mut position, mut velocity) = self.state(i, self.now);
+        let (mut position, mut velocity) = self.any_flight(i, self.now);
         for wall in self.support(i).into_iter().flatten().map(u32::from) {
             // Equal flights are rounded in the same way: from epoch to epoch a grain at rest would be moved
             // into its wall.

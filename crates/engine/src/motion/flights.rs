@@ -17,7 +17,7 @@ use glam::DVec3;
 
 use crate::{
     model::wall_motion::WallMotion,
-    motion::flow_work,
+    motion::{drag, flow_work},
     numerics::{instant::Instant, total::total},
     state::{
         State,
@@ -31,7 +31,7 @@ use crate::{
 impl World {
     /// The integrals of the moments of particle i from its anchor, but not before `until`, to `end`. Zero for
     /// a body of infinite mass, and one that is asleep.
-    fn flown(&self, i: u32, end: Instant, until: Instant) -> Moments {
+    pub(super) fn flown(&self, i: u32, end: Instant, until: Instant) -> Moments {
         let particle = &self.particles[i as usize];
         let class = self.class(i);
         let anchor = self.clock.instant(particle.time);
@@ -39,6 +39,9 @@ impl World {
         let duration = end.since(start);
         if class.inverse_mass == 0.0 || duration <= 0.0 {
             return [0.0; 9];
+        }
+        if let Some(drag) = self.clock.drag {
+            return self.damped_moments(i, start, duration, drag);
         }
         if let Some(images) = &self.boundary.deformation
             && images.stretches()
@@ -88,7 +91,7 @@ impl World {
 
 impl Accumulators {
     /// Adds the integral of a flight that has ended.
-    fn add_flight(&mut self, summed: Summed, integral: Moments) {
+    pub(super) fn add_flight(&mut self, summed: Summed, integral: Moments) {
         let sums = &mut self.flights.get_or_insert_default().sums;
         if summed == Summed::Trace {
             let [xx, _, _, yy, _, zz, ..] = integral;
@@ -101,7 +104,7 @@ impl Accumulators {
     }
 
     /// The time up to which flights have been taken.
-    fn flown_until(&self) -> Instant {
+    pub(super) fn flown_until(&self) -> Instant {
         self.flights.as_ref().map_or(Instant::ZERO, |flights| flights.until)
     }
 }
@@ -112,6 +115,8 @@ impl Accumulators {
 pub(crate) fn end(state: &mut State, i: u32, ticks: i64) {
     if !state.world.flies_straight() || state.world.boundary.deformation.is_some() {
         end_after(state, i, state.world.age(i, ticks));
+    } else if state.world.is_damped() {
+        drag::end_flight(state, i, ticks);
     }
 }
 

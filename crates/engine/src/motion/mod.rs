@@ -4,7 +4,7 @@ Motion between events: where particles, images and walls are at a time, and when
 *What is here.* Methods of the world that evaluate flights ([`flight`]), periodic and moving images
 ([`images`]), grains that a wall carries ([`carried`]) or that slide ([`friction`]), spins ([`rotation`]),
 distances from walls ([`walls`]), which walls support a grain ([`support`]), and the largest speed and extent
-([`scale`]). [`flights`] and [`flow_work`] add the integrals over a flight when it ends.
+([`scale`]). [`flights`], [`flow_work`] and [`drag`] add the integrals over a flight when it ends.
 
 *What to change here.* A new boundary: its images in [`images`], beside `state/periodicity.rs` and
 `state/deformation.rs`; every search must visit the same images (`haff_neighbors`,
@@ -20,6 +20,7 @@ flight changes nothing, so that any number of evaluations gives the same bits: o
 */
 
 pub(crate) mod carried;
+pub(crate) mod drag;
 pub(crate) mod flight;
 pub(crate) mod flights;
 pub(crate) mod flow_work;

@@ -8,18 +8,18 @@ impl World {
     /// The angular velocity of particle i at `ticks` [1/time]; zero without spin.
     pub fn angular_velocity(&self, i: u32, ticks: i64) -> DVec3 {
         let Some(spins) = &self.spin else { return DVec3::ZERO };
-        let start = spins.angular_velocity[i as usize];
+        let start = spins.angular_velocity[i as usize] * self.spin_decay(ticks);
         match spins.slides.get(&i) {
             Some(slide) => start + slide.spin_change(&self.clock, ticks),
             None => start,
         }
     }
 
-    /// Sets the angular velocity of particle i. Returns the energy that this gives to it.
-    pub fn set_spin(&mut self, i: u32, spin: DVec3) -> f64 {
-        let class = *self.body(i);
+    /// Sets the angular velocity of particle i at `ticks`. Returns the energy that this gives to it.
+    pub fn set_spin(&mut self, i: u32, spin: DVec3, ticks: i64) -> f64 {
+        let (class, decay) = (*self.body(i), self.spin_decay(ticks));
         let Some(spins) = &mut self.spin else { return 0.0 };
-        let before = std::mem::replace(&mut spins.angular_velocity[i as usize], spin);
+        let before = decay * std::mem::replace(&mut spins.angular_velocity[i as usize], spin / decay);
         0.5 * class.moment_of_inertia(&spins.inertia) * (spin - before).dot(spin + before)
     }
 

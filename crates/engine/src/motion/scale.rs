@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::state::world::World;
+use crate::{numerics::clock::Clock, state::world::World};
 
 /// The tick is made shorter before a particle moves by more than this part of the extent in it: a time that
 /// is rounded to a tick must not change a distance by more than [`allowed_overlap`](crate::allowed_overlap),
@@ -17,7 +17,9 @@ impl World {
     /// [length/time].
     pub fn set_scale(&mut self, extent: f64, speed: f64) {
         // The second bound, where a tick cannot be as short as the speed needs.
-        self.set_fastest(extent, (extent * RESOLUTION / self.clock.tick).max(2.0 * speed));
+        // Velocities of anchors are up to twice those at a time under a drag.
+        let resolution = if self.is_damped() { 0.5 * RESOLUTION } else { RESOLUTION };
+        self.set_fastest(extent, (extent * resolution / self.clock.tick).max(2.0 * speed));
     }
 
     /// [`Self::set_scale`] with the largest speed for which the tick is short enough [length/time].
@@ -30,6 +32,13 @@ impl World {
     #[inline(always)]
     pub fn is_resolved(&self, velocity: DVec3) -> bool {
         velocity.length_squared() <= self.resolution.fastest_square
+    }
+
+    /// The exponent of the tick for this extent and largest speed. Of the time constant of a drag a tick is a
+    /// small part, too.
+    pub fn exponent_for(&self, extent: f64, speed: f64) -> i32 {
+        let of_drag = self.clock.drag.map_or(0.0, |drag| extent / drag);
+        Clock::exponent_for(extent, speed.max(of_drag))
     }
 
     /// A bound on the speed of particles: the largest present speed of bodies and walls, plus the gain of a

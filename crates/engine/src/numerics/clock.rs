@@ -13,7 +13,14 @@ four times slower or faster, the tick is changed with it, and all anchors are mo
 a particle too fast for the tick (`World::is_resolved`) ends the epoch before it. All of that depends on the
 trajectory alone. Then the scheduler is rebuilt. The anchor's time is that of any own event; laws that depend
 on the last contact (`tc`, rest) have `contact_times`, data of their own.
+
+Under a linear drag, dv/dt = −v/τ, ticks are those of the transformed time s = τ (1 − e^(−t/τ)) since the
+start of the epoch, in which all flights are straight ([`haff_mechanics::drag`]): a search needs nothing more.
+Velocities of anchors are those that the particles would have at the start of the epoch, v e^(t/τ)
+([`Clock::decay`]). An epoch ends at s = τ/2 at the latest, and all anchors then move to the present.
 */
+
+use haff_mechanics::drag::{flight_time, transformed_time};
 
 use crate::numerics::instant::Instant;
 
@@ -26,6 +33,9 @@ pub(crate) const HORIZON: f64 = (1_u64 << 60) as f64;
 /// Longest duration from an anchor to an event \[ticks\]. It exceeds [`HORIZON`], because an anchor may be
 /// older than an epoch. Its sum with the time of an anchor stays below 2^63.
 pub(crate) const LONGEST: f64 = ((1_u64 << 62) + (1_u64 << 61)) as f64;
+/// Under a drag, times that are not later than so many ticks before the start of an epoch are at its start:
+/// the logarithms and exponentials of both epochs are rounded.
+const DRAG_NOISE: f64 = 4096.0;
 /// log₂ of the number of ticks in which the fastest particle crosses the system.
 const TICKS_PER_CROSSING: i32 = 54;
 
@@ -43,6 +53,8 @@ pub(crate) struct Clock {
     pub base_low: f64,
     /// The time that was shown last when the epoch started: none shown later is before it \[time\].
     pub earliest: f64,
+    /// Time constant τ of a drag \[time\]: ticks are then of transformed time.
+    pub drag: Option<f64>,
 }
 
 impl Clock {
@@ -56,6 +68,7 @@ impl Clock {
             base: 0.0,
             base_low: 0.0,
             earliest: 0.0,
+            drag: None,
         }
     }
 
@@ -70,13 +83,57 @@ impl Clock {
         // Each half of the ticks is a number without rounding.
         let (upper, lower) = (ticks >> 32 << 32, ticks & 0xffff_ffff);
         let start = Instant { high: self.base, low: self.base_low };
+        if let Some(drag) = self.drag {
+            return start.after(flight_time(ticks as f64 * self.tick, drag));
+        }
         start.after(upper as f64 * self.tick).after(lower as f64 * self.tick)
     }
 
     /// Time at `ticks`, rounded. States of walls are computed with it, also at anchors before the epoch.
     #[inline]
     pub fn time(&self, ticks: i64) -> f64 {
+        if let Some(drag) = self.drag {
+            return self.damped_time(ticks, drag);
+        }
         self.base + (ticks as f64 * self.tick + self.base_low)
+    }
+
+    #[cold]
+    fn damped_time(&self, ticks: i64, drag: f64) -> f64 {
+        self.base + (flight_time(ticks as f64 * self.tick, drag) + self.base_low)
+    }
+
+    /// The part e^(−t/τ) = 1 − s/τ that a drag has left of velocities at `ticks` since the start of the
+    /// epoch; 1 without drag.
+    #[inline]
+    pub fn decay(&self, ticks: i64) -> f64 {
+        self.drag.map_or(1.0, |drag| 1.0 - ticks as f64 * self.tick / drag)
+    }
+
+    /// The same at an instant.
+    pub fn decay_at(&self, instant: Instant) -> f64 {
+        let start = Instant { high: self.base, low: self.base_low };
+        self.drag.map_or(1.0, |drag| libm::exp(-instant.since(start) / drag))
+    }
+
+    /// Duration between two times \[ticks\], the later one last \[time\].
+    #[inline]
+    pub fn duration(&self, from: i64, to: i64) -> f64 {
+        if self.drag.is_some() {
+            return self.instant(to).since(self.instant(from));
+        }
+        (to - from) as f64 * self.tick
+    }
+
+    /// How long before the start of the epoch a `duration` \[time\] began \[ticks\].
+    pub fn ticks_back(&self, duration: f64) -> f64 {
+        let transformed = self.drag.map_or(duration, |drag| -transformed_time(-duration, drag));
+        transformed * self.per_time
+    }
+
+    /// When an epoch must end because of a drag, at s = τ/2 \[ticks\].
+    pub fn horizon_of_drag(&self) -> i64 {
+        self.drag.map_or(i64::MAX, |drag| (0.5 * drag * self.per_time) as i64)
     }
 
     /// Time at `ticks` as it stands in rows of events, frames and sums: of two, the later is not shown as the
@@ -90,13 +147,18 @@ impl Clock {
     /// The tick nearest to a time, limited to ±2^62.
     pub fn ticks(&self, time: f64) -> i64 {
         const FAR: f64 = (1_u64 << 62) as f64;
+        if let Some(drag) = self.drag {
+            let transformed = transformed_time((time - self.base) - self.base_low, drag);
+            let ticks = (transformed * self.per_time).round_ties_even().clamp(-FAR, FAR);
+            return if ticks >= -DRAG_NOISE { ticks.max(0.0) as i64 } else { ticks as i64 };
+        }
         (((time - self.base) - self.base_low) * self.per_time).round_ties_even().clamp(-FAR, FAR) as i64
     }
 
     /// Starts the next epoch at `now` \[ticks\], usually [`EPOCH`].
     pub fn start_epoch(&mut self, now: i64) {
         self.earliest = self.shown(now);
-        if now != EPOCH {
+        if now != EPOCH || self.drag.is_some() {
             let start = self.instant(now);
             (self.base, self.base_low) = (start.high, start.low);
             return;
@@ -111,14 +173,15 @@ impl Clock {
 
     /// The same clock with another length of a tick.
     pub fn with_exponent(&self, exponent: i32) -> Self {
-        Self { base: self.base, base_low: self.base_low, earliest: self.earliest, ..Self::new(exponent) }
+        let Self { exponent, tick, per_time, .. } = Self::new(exponent);
+        Self { exponent, tick, per_time, ..*self }
     }
 
     /// A clock with another length of a tick, of which a new epoch starts at `now` \[ticks of this clock\].
     pub fn restarted(&self, now: i64, exponent: i32) -> Self {
         let start = self.instant(now);
         let earliest = self.shown(now);
-        Self { base: start.high, base_low: start.low, earliest, ..Self::new(exponent) }
+        Self { base: start.high, base_low: start.low, earliest, ..self.with_exponent(exponent) }
     }
 }
 
@@ -175,6 +238,33 @@ mod tests {
             assert!(now == EPOCH || restarted == next, "{clock:?}, {now}");
         }
         assert!(rounded_up > 100, "{rounded_up}");
+    }
+
+    #[test]
+    fn times_under_a_drag_go_forward_and_back_to_their_ticks() {
+        let mut random = haff_testing::Random(7);
+        for _ in 0..100_000 {
+            let drag = 10_f64.powf(random.uniform(-3.0, 3.0));
+            let exponent = Clock::exponent_for(1.0, (1.0 / drag).max(random.uniform(0.1, 10.0)));
+            let mut clock = Clock { drag: Some(drag), ..Clock::new(exponent) };
+            clock.base = random.uniform(0.0, 10.0) * drag;
+            let last = clock.horizon_of_drag().min(EPOCH);
+            let ticks = (random.uniform(0.0, 1.0) * last as f64) as i64;
+            assert!(clock.time(ticks) <= clock.time(ticks + 1), "{clock:?} {ticks}");
+            // A time is rounded at its own size.
+            let rounding = 4.0 * f64::EPSILON * clock.time(ticks).max(drag) * clock.per_time + 1.0;
+            assert!((clock.ticks(clock.time(ticks)) - ticks).abs() as f64 <= rounding, "{clock:?} {ticks}");
+            let decay = (-(clock.time(ticks) - clock.base) / drag).exp();
+            let error = 4.0 * f64::EPSILON * (1.0 + clock.base / drag);
+            assert!((clock.decay(ticks) / decay - 1.0).abs() < error, "{clock:?} {ticks}");
+            // Of the same instant in the next epoch.
+            let mut next = clock;
+            next.start_epoch(ticks);
+            assert!(
+                next.shown(0) >= clock.shown(ticks) && next.ticks(clock.time(ticks)) >= 0,
+                "{clock:?} {ticks}"
+            );
+        }
     }
 
     #[test]

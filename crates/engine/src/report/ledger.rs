@@ -23,6 +23,8 @@ pub enum Term {
     ShearWork,
     /// Work of the loads and the weights of pistons.
     LoadWork,
+    /// Kinetic energy lost by drag.
+    Drag,
     /// Kinetic energy removed by putting grains to rest.
     Rest,
     /// Energy given by changes of the state from outside.
@@ -35,12 +37,13 @@ pub enum Term {
 
 impl Term {
     /// Every term; the index of a term is its discriminant.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::WallWork,
         Self::WallHeat,
         Self::DriveWork,
         Self::ShearWork,
         Self::LoadWork,
+        Self::Drag,
         Self::Rest,
         Self::Change,
         Self::Inlet,
@@ -55,6 +58,7 @@ impl Term {
             Self::DriveWork => "drive_work",
             Self::ShearWork => "shear_work",
             Self::LoadWork => "load_work",
+            Self::Drag => "drag_loss",
             Self::Rest => "rest_energy",
             Self::Change => "change_work",
             Self::Inlet => "inlet_energy",
@@ -70,6 +74,7 @@ impl Term {
             Self::DriveWork => "work of drives",
             Self::ShearWork => "work of shear",
             Self::LoadWork => "work of loads",
+            Self::Drag => "lost by drag",
             Self::Rest => "taken by rest",
             Self::Change => "given by changes",
             Self::Inlet => "brought in by inlets",
@@ -87,7 +92,7 @@ impl Term {
             | Self::LoadWork
             | Self::Change
             | Self::Inlet => 1.0,
-            Self::Rest | Self::Outlet => -1.0,
+            Self::Drag | Self::Rest | Self::Outlet => -1.0,
         }
     }
 
@@ -100,6 +105,7 @@ impl Term {
             Self::DriveWork => !system.drives.is_empty() || system.domain.compression.is_some(),
             Self::ShearWork => system.domain.shear.is_some(),
             Self::LoadWork => system.pistons().next().is_some(),
+            Self::Drag => system.drag.is_some(),
             Self::Rest => system.contacts.rest_speed > 0.0,
             // No system says whether a run is changed on its way: `SceneFeatures::with_terms` does.
             Self::Change => false,

@@ -26,7 +26,7 @@ use crate::{
     laws::{series, slide},
     measure::{sample::Species, totals::Totals},
     model::{Body, Class, Domain, System},
-    motion::{flights, flow_work},
+    motion::{drag, flights, flow_work},
     numerics::{clock::Clock, error::EngineError, instant::Instant},
     report::{
         EventKind, EventRecord, Exchange, NO_PARTNER, Observer, Partner, VelocityChange, ledger::Term, row,
@@ -162,8 +162,8 @@ impl Simulation {
         let old = &self.state.world;
         let mut world = World::new(&system, 0);
         let extent = world.extent(open_axes(&system));
-        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
-        world.clock = old.clock.restarted(old.now, exponent);
+        let exponent = world.exponent_for(extent, world.largest_speed(extent));
+        world.clock = Clock { drag: world.clock.drag, ..old.clock.restarted(old.now, exponent) };
         world.set_scale(extent, 0.0);
         world.resolution.longest_flight = old.resolution.longest_flight;
         for (new, &i) in survivors.iter().enumerate() {
@@ -189,6 +189,7 @@ impl Simulation {
         for i in 0..state.world.particles.len() as u32 {
             let age = state.world.age(i, now);
             flow_work::end_flight_after(&mut state, i, age);
+            drag::add(&mut state, i, now);
         }
         let flights = flights::take(&mut state);
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));

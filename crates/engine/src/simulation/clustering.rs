@@ -19,14 +19,15 @@ const DURATION: f64 = 1e-4;
 ///
 /// L_c = 2.43/(nσ²√(1 − e²)) for spheres and 2√π/(nσ√(1 − e²)) for disks, with the number density n, the mean
 /// diameter σ and the smallest e of all pairs (docs/theory.md). `None` unless the gas cools freely with a
-/// constant e < 1 and smooth contacts: without the TC model, gravity, drives, shear, and open axes.
+/// constant e < 1 and smooth contacts: without the TC model, gravity, drives, drag, shear, and open axes.
 pub fn critical_length(system: &System) -> Option<f64> {
     let axes = system.dimension.count();
     let closed = !system.domain.boundary[..axes].contains(&Boundary::Open);
     let free = system.domain.gravity == DVec3::ZERO
         && system.domain.shear.is_none()
         && system.domain.compression.is_none()
-        && system.drives.is_empty();
+        && system.drives.is_empty()
+        && system.drag.is_none();
     let moved = system.walls.iter().any(|wall| wall.motion.is_moving())
         || system.contacts.wall.iter().any(WallLaw::is_thermal)
         || system.classes.iter().any(|class| class.mass.is_infinite());
@@ -119,6 +120,7 @@ pub(crate) mod tests {
                 rest_speed: 0.0,
             },
             spin: None,
+            drag: None,
             drives: Vec::new(),
             seed: 0,
             measure: Measure::default(),

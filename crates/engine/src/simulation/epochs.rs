@@ -2,7 +2,7 @@
 
 use crate::{
     motion::flights,
-    numerics::clock::{Clock, OLDEST_ANCHOR},
+    numerics::clock::OLDEST_ANCHOR,
     simulation::run::{RETUNE_BITS, Simulation, open_axes},
     state::stall::Stall,
 };
@@ -15,17 +15,21 @@ impl Simulation {
         let world = &mut self.state.world;
         world.now = now;
         let extent = world.extent(open_axes(&self.system));
-        let exponent = Clock::exponent_for(extent, world.largest_speed(extent).max(speed));
+        let exponent = world.exponent_for(extent, world.largest_speed(extent).max(speed));
         let old = world.clock;
         let retune = exponent.abs_diff(old.exponent) >= RETUNE_BITS;
+        let moves_all = retune || world.is_damped();
         for i in 0..self.state.world.particles.len() as u32 {
-            // An anchor that moves, moves to the present: a contact that is predicted from there is not in
-            // the past, however it is rounded.
-            if retune || now - self.state.world.particles[i as usize].time > OLDEST_ANCHOR {
+            // Under a drag, anchors are those of an epoch. An anchor that moves, moves to the present: a
+            // contact that is predicted from there is not in the past, however it is rounded.
+            if moves_all || now - self.state.world.particles[i as usize].time > OLDEST_ANCHOR {
                 flights::end(&mut self.state, i, now);
                 self.state.world.move_anchor(i);
             }
             self.state.world.particles[i as usize].time -= now;
+        }
+        if old.drag.is_some() {
+            self.state.world.end_damped_epoch(now, extent);
         }
         let slides = self.state.world.spin.iter_mut().flat_map(|spins| spins.end_epoch(&old, now));
         let due = self.state.pending.values_mut().map(|rest| &mut rest.end).chain(slides);

@@ -148,7 +148,7 @@ impl Simulation {
                 let n = world.boundary.walls[wall as usize].normal;
                 velocity -= n * velocity.dot(n);
             }
-            world.particles[i as usize].set_anchor(position, -velocity, world.now);
+            world.set_anchor(i, position, -velocity, world.now);
             world.wrap_anchor(i);
         }
         self.state.world.reverse_pistons();

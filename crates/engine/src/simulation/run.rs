@@ -15,10 +15,7 @@ use crate::{
     laws::event::Pause,
     measure::{Measurement, measurements, observe, sample::Species, take_flights, totals::Totals},
     model::{Boundary, Dimension, Options, System, thresholds::Thresholds},
-    numerics::{
-        clock::{Clock, EPOCH},
-        error::EngineError,
-    },
+    numerics::{clock::EPOCH, error::EngineError},
     report::{BlockCounts, Counters, Observer, Stop, with_ids},
     search::{
         batch::Kernel,
@@ -97,9 +94,9 @@ impl Simulation {
         let mut world = World::new(&system, 0);
         world.ids = ids;
         let extent = world.extent(open_axes(&system));
-        let exponent = Clock::exponent_for(extent, world.largest_speed(extent));
+        let exponent = world.exponent_for(extent, world.largest_speed(extent));
         // All anchors are at tick 0, which is time 0 for any length of a tick.
-        world.clock = Clock::new(exponent);
+        world.clock = world.clock.with_exponent(exponent);
         world.set_scale(extent, 0.0);
         let totals = Totals::of(&world);
         let accumulators = Accumulators::new(&world, [totals.all_kinetic(), totals.potential]);
@@ -181,7 +178,8 @@ impl Simulation {
             }
             self.geometry.deforming = self.state.world.moving_images();
         }
-        self.horizon = self.horizon.min(self.horizon_of_walls());
+        self.horizon =
+            self.horizon.min(self.horizon_of_walls()).min(self.state.world.clock.horizon_of_drag());
         self.engine.rebuild(&mut self.state, &self.geometry);
     }
 
@@ -289,7 +287,11 @@ impl Simulation {
                     if until.time == f64::INFINITY && !self.is_driven() && (self.is_frozen() || idle()) {
                         return Ok(self.rest(observer));
                     }
-                    self.renew()?;
+                    if self.state.world.is_damped() {
+                        self.start_epoch(self.horizon, 0.0);
+                    } else {
+                        self.renew()?;
+                    }
                     entries = entries.saturating_sub(1 + self.particles() as u64);
                 }
                 Pause::Time => {

@@ -349,7 +349,7 @@ pub(crate) fn whole(system: &System, state: &State, time: f64) -> Result<(), Eng
     }
     let extent = world.extent(open_axes(system));
     let speed = world.largest_speed(extent);
-    let (found, suitable) = (world.clock.exponent, Clock::exponent_for(extent, speed));
+    let (found, suitable) = (world.clock.exponent, world.exponent_for(extent, speed));
     require(speed == 0.0 || found <= suitable.saturating_add(MAX_EXPONENT_EXCESS), || {
         format!("clock.exponent = {found}: the tick is far too coarse, {suitable} would suit these speeds")
     })?;

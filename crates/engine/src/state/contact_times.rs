@@ -61,7 +61,7 @@ impl ContactTimes {
     pub fn age(&self, i: u32, clock: &Clock, ticks: i64) -> f64 {
         match self.0[i as usize] {
             NEVER => f64::INFINITY,
-            time => (ticks - time) as f64 * clock.tick,
+            time => clock.duration(time, ticks),
         }
     }
 
@@ -82,7 +82,7 @@ impl ContactTimes {
         for (time, &i) in self.0.iter_mut().zip(particles) {
             *time = match other.get(i) {
                 NEVER => NEVER,
-                contact => now - in_ticks(then - contact, from, to),
+                contact => now - in_ticks(contact, then, from, to),
             };
         }
     }
@@ -91,10 +91,10 @@ impl ContactTimes {
     pub fn start_epoch(&mut self, now: i64, from: &Clock, to: &Clock) {
         for time in self.0.iter_mut().filter(|time| **time != NEVER) {
             // Times since a contact do not change: they are rounded only if the tick does.
-            *time = if from.exponent == to.exponent {
+            *time = if from.exponent == to.exponent && to.drag.is_none() {
                 (*time - now).max(-OLDEST)
             } else {
-                -in_ticks(now - *time, from, to)
+                -in_ticks(*time, now, from, to)
             };
         }
     }
@@ -117,7 +117,13 @@ impl ContactTimes {
     }
 }
 
-/// A duration in ticks of `from` as one in ticks of `to`, not longer than [`OLDEST`].
-fn in_ticks(duration: i64, from: &Clock, to: &Clock) -> i64 {
-    (duration as f64 * (from.tick / to.tick)).min(OLDEST as f64).floor() as i64
+/// The duration between two times in ticks of `from` as one in ticks of `to` before the start of an epoch,
+/// not longer than [`OLDEST`].
+fn in_ticks(contact: i64, then: i64, from: &Clock, to: &Clock) -> i64 {
+    let ticks = if from.drag.is_none() && to.drag.is_none() {
+        (then - contact) as f64 * (from.tick / to.tick)
+    } else {
+        to.ticks_back(from.duration(contact, then))
+    };
+    ticks.min(OLDEST as f64).floor() as i64
 }

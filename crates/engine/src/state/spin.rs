@@ -26,6 +26,8 @@ pub(crate) struct Spins {
     pub inertia: Vec<f64>,
     pub pair: Vec<Roughness>,
     pub wall: Vec<Roughness>,
+    /// Whether a drag acts on rotations, too: what is stored decays as the velocities of anchors do.
+    pub damped: bool,
     /// Friction on grains that walls support.
     pub slides: BTreeMap<u32, Slide>,
 }
@@ -38,6 +40,7 @@ impl Spins {
             inertia: spin.inertia.clone(),
             pair: spin.pair.clone(),
             wall: spin.wall.clone(),
+            damped: system.drag.is_some_and(|drag| drag.rotational),
             slides: BTreeMap::new(),
         }))
     }
@@ -49,6 +52,7 @@ impl Spins {
             inertia: self.inertia.clone(),
             pair: self.pair.clone(),
             wall: self.wall.clone(),
+            damped: self.damped,
             slides: BTreeMap::new(),
         }
     }
@@ -64,11 +68,11 @@ impl Spins {
         slides.values_mut().filter_map(|slide| slide.end.as_mut())
     }
 
-    /// Particle i as a body in a rough contact.
-    pub fn body(&self, i: u32, class: &ClassData, velocity: DVec3) -> RoughBody {
+    /// Particle i as a body in a rough contact. `decay` is what a drag has left of its angular velocity.
+    pub fn body(&self, i: u32, class: &ClassData, velocity: DVec3, decay: f64) -> RoughBody {
         RoughBody {
             velocity,
-            angular_velocity: self.angular_velocity[i as usize],
+            angular_velocity: self.angular_velocity[i as usize] * decay,
             radius: class.radius,
             inverse_mass: class.inverse_mass,
             inertia: self.inertia[class.group],

@@ -81,7 +81,7 @@ impl World {
             classes[class_count..].iter_mut().for_each(|class| *class = asleep(class));
         }
         let mut world = Self {
-            clock: Clock::new(exponent),
+            clock: Clock { drag: system.drag.map(|drag| drag.time), ..Clock::new(exponent) },
             particles: particles.into(),
             images: system.bodies.iter().map(|body| body.image).collect(),
             ids: None,
@@ -109,7 +109,7 @@ impl World {
         if let Some(images) = &world.boundary.deformation {
             world.force.rates = images.rates;
         }
-        if !world.flies_straight() || world.boundary.deformation.is_some() {
+        if !world.flies_straight() || world.boundary.deformation.is_some() || world.is_damped() {
             world.flights = Summed::of(system);
         }
         world.laws.corrects_penetration = !world.flies_straight() || !world.classes.iter().all(alike);

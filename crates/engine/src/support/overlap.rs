@@ -250,6 +250,7 @@ mod tests {
         };
         System {
             spin: None,
+            drag: None,
             drives: Vec::new(),
             measure: crate::Measure::default(),
             flow: None,

@@ -8,6 +8,7 @@ mod compression;
 mod contact_laws;
 mod containers;
 mod curved;
+mod drag;
 mod drives;
 mod endless;
 mod flow;

@@ -381,7 +381,8 @@ fn check_measured(
     }
     let fixed = system.classes.iter().any(|class| class.mass.is_infinite());
     // Under compression the flow changes momentum, too.
-    let balances = !fixed && system.drives.is_empty() && system.domain.compression.is_none();
+    let balances =
+        !fixed && system.drives.is_empty() && system.drag.is_none() && system.domain.compression.is_none();
     if !sample.wall_force.is_empty() && balances && sample.time > 0.0 {
         let mass: f64 = system.bodies.iter().map(|body| system.classes[body.class as usize].mass).sum();
         let force: DVec3 = sample.wall_force.iter().sum();
@@ -429,7 +430,7 @@ fn check(recipe: &Recipe) -> Result<[u64; 2], TestCaseError> {
     };
     let is_smooth = recipe.rough == 0;
     let deforms = recipe.shear > 0 || recipe.compression > 0;
-    let is_plain = !recipe.rest && !recipe.partition && !recipe.thermal && recipe.drive == 0;
+    let is_plain = !recipe.rest && !recipe.partition && !recipe.thermal && recipe.drive == 0 && !recipe.drag;
     if is_smooth && is_plain && !deforms && !log.0.iter().any(carried) {
         let epochs = simulation.counters().epochs;
         replay::check(&system, &log.0, &simulation.frame(), epochs).map_err(TestCaseError::fail)?;

@@ -4,6 +4,7 @@ use haff_engine::{Drive, DriveKind, KickTimes, NamedAction};
 
 use super::{
     Assembler,
+    drag::DragPlan,
     names::{Names, among},
     values::{item, not_negative, positive},
 };
@@ -18,11 +19,23 @@ fn quoted_names() -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
+/// The keys of the values of drives that are numbers, and what is given.
+fn values(config: &DriveConfig) -> [(&'static str, Option<f64>); 5] {
+    [
+        ("temperature", config.temperature),
+        ("strength", config.strength),
+        ("rate", config.rate),
+        ("interval", config.interval),
+        ("time", config.time),
+    ]
+}
+
 impl Assembler<'_> {
-    /// The drives of `[[drive]]`.
-    pub(super) fn drives(&mut self, names: &Names) -> Vec<Drive> {
+    /// The drives of `[[drive]]`, and the drag among them.
+    pub(super) fn drives(&mut self, names: &Names) -> (Vec<Drive>, Option<DragPlan>) {
         let configs = self.config.drive.clone().unwrap_or_default();
         let mut drives = Vec::with_capacity(configs.len());
+        let mut drag = None;
         for (k, config) in configs.into_iter().enumerate() {
             let path = |key: &str| item("drive", k, key);
             if self.has_joints() {
@@ -38,6 +51,11 @@ impl Assembler<'_> {
                 self.document.report_missing(&path("kind"), why);
                 continue;
             };
+            self.refuse_other_values(k, &kind, &config);
+            if kind == DriveKindConfig::Drag {
+                drag = self.drag(k, &config, drag.as_ref()).or(drag);
+                continue;
+            }
             let Some(kind) = self.drive_kind(k, &kind, &config) else { continue };
             let rotational = config.rotational == Some(true);
             if rotational && matches!(kind, DriveKind::Named(_)) {
@@ -47,35 +65,32 @@ impl Assembler<'_> {
             let species = self.driven_species(k, config.species, names);
             drives.push(Drive { kind, species, rotational });
         }
-        drives
+        (drives, drag)
     }
 
-    /// What a drive does, with the values of its kind.
-    fn drive_kind(&mut self, k: usize, kind: &DriveKindConfig, config: &DriveConfig) -> Option<DriveKind> {
+    /// Refuses values that a drive of this kind does not have.
+    fn refuse_other_values(&mut self, k: usize, kind: &DriveKindConfig, config: &DriveConfig) {
         let used: &[&str] = match kind {
             DriveKindConfig::Named(_) => &["parameters"],
             DriveKindConfig::Rescale => &["temperature", "interval"],
             DriveKindConfig::Andersen => &["temperature", "rate"],
             DriveKindConfig::WhiteNoise => &["strength", "rate", "interval"],
+            DriveKindConfig::Drag => &["time"],
         };
-        let values = [
-            ("temperature", config.temperature),
-            ("strength", config.strength),
-            ("rate", config.rate),
-            ("interval", config.interval),
-        ];
-        for (key, _) in values.iter().filter(|(key, value)| value.is_some() && !used.contains(key)) {
+        let given = values(config).into_iter().filter(|(_, value)| value.is_some()).map(|(key, _)| key);
+        let parameters = config.parameters.is_some().then_some("parameters");
+        for key in given.chain(parameters).filter(|key| !used.contains(key)) {
             let why = format!("a drive of kind \"{}\" has no {key}, but {}", kind.name(), used.join(", "));
             self.document.report(&item("drive", k, key), why);
         }
+    }
+
+    /// What a drive does, with the values of its kind.
+    fn drive_kind(&mut self, k: usize, kind: &DriveKindConfig, config: &DriveConfig) -> Option<DriveKind> {
         if let DriveKindConfig::Named(name) = kind {
             return self.named_drive(k, name, config).map(DriveKind::Named);
         }
-        if config.parameters.is_some() {
-            let why =
-                format!("a drive of kind \"{}\" has no parameters, but {}", kind.name(), used.join(", "));
-            self.document.report(&item("drive", k, "parameters"), why);
-        }
+        let values = values(config);
         let mut number = |key: &str| {
             let path = item("drive", k, key);
             let Some(value) = values.iter().find(|(name, _)| *name == key).and_then(|(_, value)| *value)
@@ -89,7 +104,7 @@ impl Assembler<'_> {
             value
         };
         Some(match kind {
-            DriveKindConfig::Named(_) => return None,
+            DriveKindConfig::Named(_) | DriveKindConfig::Drag => return None,
             DriveKindConfig::Andersen => {
                 DriveKind::Andersen { temperature: number("temperature"), rate: number("rate") }
             }

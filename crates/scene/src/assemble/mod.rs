@@ -19,6 +19,7 @@ mod compression;
 mod contact;
 mod container;
 mod domain;
+mod drag;
 mod drive;
 mod flow;
 mod going_on;
@@ -48,7 +49,7 @@ use glam::DVec3;
 use haff_engine::{Compression, Dimension, NeighborChoice, Options, SimdChoice, System, bounds};
 
 use crate::config::document::Document;
-use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig};
+use crate::config::{EngineConfig, NeighborsConfig, SceneConfig, SimdConfig, templates::template};
 use crate::model::present::Present;
 use crate::model::scene::Scene;
 use crate::model::state::StateSource;
@@ -188,6 +189,10 @@ pub(crate) fn too_long(name: &str) -> SceneErrors {
 pub(crate) fn unreadable(name: &str, why: &std::io::Error) -> SceneErrors {
     let (code, why) = match why.kind() {
         std::io::ErrorKind::InvalidData => (Code::NotText, "it is not text".to_owned()),
+        std::io::ErrorKind::NotFound if template(name).is_some() => {
+            let hint = format!("a template is called so: haff init {name} > {name}.toml writes its scene");
+            (Code::Unreadable, format!("{why}; {hint}"))
+        }
         _ => (Code::Unreadable, why.to_string()),
     };
     whole(SceneError::of_file(name, code, format!("cannot read the scene: {why}")), ErrorKind::Unreadable)
@@ -224,7 +229,7 @@ impl Assembler<'_> {
         let growth = self.growth_plan(&domain, &extra_walls, &species, &explicit);
         let spin = self.spin_plan(&names, &wall_names);
         let motions = self.wall_motions();
-        let mut drives = self.drives(&names);
+        let (mut drives, drag) = self.drives(&names);
         let initial = self.initial(species.len());
         self.run_shape();
         self.output_shape();
@@ -284,6 +289,7 @@ impl Assembler<'_> {
             walls,
             contacts,
             spin,
+            drag: drag.map(|(_, drag)| drag),
             drives,
             seed: self.seed,
             measure: haff_engine::Measure::default(),
@@ -292,6 +298,7 @@ impl Assembler<'_> {
         let joints = self.joints(first, &|row| system.bodies[row].position);
         self.gate()?;
         self.check_joints(&system, &joints);
+        self.check_drag(drag.as_ref(), &system);
         if at_start {
             self.check_displaced_images(&system, state.is_some());
         }

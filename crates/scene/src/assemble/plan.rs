@@ -157,6 +157,7 @@ impl Assembler<'_> {
         let steady = system.contacts.are_elastic()
             && !is_rough
             && system.drives.is_empty()
+            && system.drag.is_none()
             && system.domain.compression.is_none()
             && rate > 0.0;
         // The run's length in simulated time, where it can be predicted.

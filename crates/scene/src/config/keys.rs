@@ -159,12 +159,16 @@ pub struct DriveConfig {
     /// Mean number of kicks of a particle in a unit of time [1/time].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate: Option<f64>,
-    /// Names of the species that it acts on; default all. Bodies of infinite mass are never driven.
+    /// Of a drag: the time constant τ of dv/dt = −v/τ \[time\].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time: Option<f64>,
+    /// Names of the species that it acts on; default all, and a drag always acts on all. Bodies of infinite
+    /// mass are never driven.
     #[schemars(length(min = 1))]
     pub species: Option<Vec<String>>,
     /// `true`: it drives the spins, too, each of their degrees of freedom as one of the translation. Rescale
     /// and Andersen: to the same temperature. White noise: the variance of each component grows by `strength`
-    /// m/I. Only with spin. Default false.
+    /// m/I. Drag: dω/dt = −ω/τ. Only with spin. Default false.
     pub rotational: Option<bool>,
     /// Of a drive that the program has from another crate: its parameters.
     pub parameters: Option<BTreeMap<String, serde_json::Value>>,
@@ -186,6 +190,10 @@ pub enum DriveKindConfig {
     /// particle, or for all particles at every `interval`, with their mean taken out. Either `rate` or
     /// `interval`.
     WhiteNoise,
+    /// A drag on all particles: dv/dt = −v/τ between collisions, exactly. A particle that meets nothing stops
+    /// after v τ. With white noise it is a bath of Langevin's equation: T = m ξ₀² τ/2 without collisions. Not
+    /// with gravity, walls or bodies that move, or a box that deforms.
+    Drag,
     /// The drive of a plug-in.
     #[serde(untagged)]
     #[schemars(skip)]
@@ -199,6 +207,7 @@ impl DriveKindConfig {
             Self::Rescale => "rescale",
             Self::Andersen => "andersen",
             Self::WhiteNoise => "white_noise",
+            Self::Drag => "drag",
             Self::Named(name) => name,
         }
     }

@@ -11,7 +11,7 @@ use super::parameters::{Fault, Given, Parameters};
 /// Models of restitution that haff itself has.
 const MODELS: [&str; 3] = ["viscoelastic", "cutoff", "random"];
 /// Drives that haff itself has.
-const DRIVES: [&str; 3] = ["rescale", "andersen", "white_noise"];
+const DRIVES: [&str; 4] = ["rescale", "andersen", "white_noise", "drag"];
 
 /// Makes a plug-in from the parameters of a scene.
 type Make<T> = fn(&mut Parameters<'_>) -> T;

@@ -67,13 +67,13 @@ pub(super) fn kick(
     let (position, before) = state.world.state(i, now);
     let mass = state.world.class(i).mass;
     flights::end(state, i, now);
-    state.world.particles[i as usize].set_anchor(position, velocity, now);
+    state.world.set_anchor(i, position, velocity, now);
     let change = velocity - before;
     let flow = state.world.flow_velocity(position, now);
     let (before, velocity) = (before - flow, velocity - flow);
     state.accumulators.add_energy(Term::DriveWork, time, 0.5 * mass * change.dot(velocity + before));
     if let Some(spin) = spin {
-        let energy = state.world.set_spin(i, spin);
+        let energy = state.world.set_spin(i, spin, now);
         state.accumulators.add_rotation(Term::DriveWork, energy);
     }
     state.accumulators.add_impulse(change * mass);

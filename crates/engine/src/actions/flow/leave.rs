@@ -29,7 +29,7 @@ pub(super) fn leave(state: &mut State, i: u32, observer: &mut dyn Observer) -> R
         state.world.set_support(i, [None; 3], now);
     }
     // The acceleration is another one from now on.
-    state.world.particles[i as usize].set_anchor(position, velocity, now);
+    state.world.set_anchor(i, position, velocity, now);
     exchange(state, i, -1.0, observer);
     Ok(())
 }

@@ -73,6 +73,7 @@ fn scene(dimension: Dimension, edges: [u32; 3], boundary: [Boundary; 3], radii: 
         walls,
         contacts: Contacts { pair: vec![Restitution::Constant(e)], wall, tc: 0.0, rest_speed: 0.0 },
         spin: None,
+        drag: None,
         drives: Vec::new(),
         measure: crate::Measure { stress: true, ..crate::Measure::default() },
         flow: None,

@@ -287,6 +287,7 @@ mod tests {
         };
         let system = System {
             spin: None,
+            drag: None,
             drives: Vec::new(),
             measure: crate::Measure::default(),
             flow: None,

@@ -134,6 +134,7 @@ impl<F: Features> WindowBlock<F> {
         for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
             // In the order of the indices.
             let k = if i < j { k } else { 1 - k };
+            let velocity = self.part.state.world.undamped(velocity, entry.time);
             match self.stays(round, &places[k], (position, velocity), entry.time) {
                 Stays::Inside => {}
                 Stays::Outside => return self.part.leave(step, event, &places, time),
@@ -188,7 +189,7 @@ impl<F: Features> WindowBlock<F> {
         else {
             return false;
         };
-        let after = (contact.position, outcome.velocity());
+        let after = (contact.position, self.part.state.world.undamped(outcome.velocity(), entry.time));
         match self.stays(round, &places[0], after, entry.time) {
             Stays::Inside => {}
             Stays::Outside => return self.part.leave(step, event, &places, time),

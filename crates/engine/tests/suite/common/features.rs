@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Compression, Cuboid, Dimension, Drive, DriveKind, Flow, Inlet, KickTimes, NeighborChoice,
+    Boundary, Compression, Cuboid, Dimension, Drag, Drive, DriveKind, Flow, Inlet, KickTimes, NeighborChoice,
     Options, Oscillating, Outlet, Partition, Piston, Rotation, Shape, Shear, Spin, Supply, System,
     ThermalWall, Wall, WallLaw, WallMotion, searches,
 };
@@ -269,6 +269,7 @@ pub fn features() -> Vec<(&'static str, System)> {
             "drive at random times",
             drive(DriveKind::WhiteNoise { strength: 0.1, kicks: KickTimes::Poisson { rate: 1.0 } }),
         ),
+        ("drag", with(plain(), |scene| scene.drag = Some(Drag { time: 5.0, rotational: false }))),
         ("measure.stress", with(plain(), |scene| scene.measure.stress = true)),
         ("measure.wall_forces", with(box_of(WALLS, &[0.5], 0.9), |scene| scene.measure.wall_forces = true)),
         (

@@ -43,6 +43,7 @@ pub fn system(dimension: Dimension, size: DVec3, boundary: [Boundary; 3]) -> Sys
     let wall_rules = vec![Restitution::Constant(1.0); walls.len()];
     System {
         spin: None,
+        drag: None,
         drives: Vec::new(),
         measure: haff_engine::Measure::default(),
         flow: None,

@@ -45,6 +45,7 @@ fn in_container(recipe: &Recipe) -> Option<System> {
     let plain = Recipe {
         boundary: [1, 1, usize::from(!repeats)],
         gravity: false,
+        drag: false,
         ramp: 0,
         wedge: false,
         partition: false,

@@ -14,8 +14,15 @@ use crate::common::Random;
 
 /// The system of a recipe with an inlet that adds particles, one that puts them back, and an outlet.
 fn with_flow(recipe: &Recipe) -> System {
-    let plain =
-        Recipe { drive: 0, shear: 0, compression: 0, changed: false, at_kick: false, ..recipe.clone() };
+    let plain = Recipe {
+        drive: 0,
+        drag: false,
+        shear: 0,
+        compression: 0,
+        changed: false,
+        at_kick: false,
+        ..recipe.clone()
+    };
     let mut system = plain.build();
     system.measure.correlations = Correlations::default();
     let mut random = Random(recipe.seed ^ 0x666c_6f77);

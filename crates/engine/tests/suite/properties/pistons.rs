@@ -19,6 +19,7 @@ use crate::common::{Random, features::add_wall};
 /// The system of a recipe with one piston or two. `None` if all axes are periodic.
 fn with_pistons(recipe: &Recipe) -> Option<System> {
     let plain = Recipe {
+        drag: false,
         shear: 0,
         compression: 0,
         changed: false,

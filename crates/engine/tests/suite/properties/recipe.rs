@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use haff_engine::{
-    Boundary, Compression, Correlations, Dimension, Drive, DriveKind, Grid, GridAxis, Group, Hole, KickTimes,
-    Measure, Oscillating, Partition, Rotation, Shape, Shear, Spin, System, ThermalWall, Wall, WallLaw,
-    WallMotion,
+    Boundary, Compression, Correlations, Dimension, Drag, Drive, DriveKind, Grid, GridAxis, Group, Hole,
+    KickTimes, Measure, Oscillating, Partition, Rotation, Shape, Shear, Spin, System, ThermalWall, Wall,
+    WallLaw, WallMotion,
 };
 use haff_mechanics::{NamedSurface, Oscillation, Restitution, Roughness, Scatter, Surface, Waveform};
 use haff_surfaces::{Mesh, Rectangle, Revolution, Side, Sphere};
@@ -70,6 +70,8 @@ pub struct Recipe {
     pub changed: bool,
     /// A wall of another shape: none, or one of [`SHAPES`]. No axis is periodic then.
     pub shape: usize,
+    /// A drag: then there is no gravity, and no wall or body moves by itself.
+    pub drag: bool,
     pub seed: u64,
 }
 
@@ -105,6 +107,7 @@ pub const PLAIN: Recipe = Recipe {
     at_kick: false,
     changed: false,
     shape: 0,
+    drag: false,
     seed: 0,
 };
 
@@ -139,6 +142,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             let drawn = one_in(12, 24);
             // What adds energy does not work with rest.
             let drawn_law = if one_in(2, 56) && !rest { 7 } else { 6 };
+            let drag = one_in(6, 8) && !deforms && !rest;
             let bounded = boundary.map(|kind| if shaped { kind.max(1) } else { kind });
             Recipe {
                 shape,
@@ -147,7 +151,8 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 particles,
                 species,
                 restitution: if drawn { drawn_law } else { restitution },
-                gravity: gravity && compression == 0,
+                drag,
+                gravity: gravity && compression == 0 && !drag,
                 ramp: if compression > 0 { 0 } else { ramp },
                 fixed: fixed && !deforms,
                 tc,
@@ -168,9 +173,9 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
                 compression,
                 huge: one_in(16, 4) && !deforms,
                 corner: one_in(8, 12) && !deforms,
-                top: one_in(16, 20) && gravity && !deforms,
+                top: one_in(16, 20) && gravity && !deforms && !drag,
                 at_kick: one_in(2, 28),
-                changed: one_in(4, 44) && compression == 0,
+                changed: one_in(4, 44) && compression == 0 && !drag,
                 seed,
             }
         },
@@ -361,6 +366,11 @@ impl Recipe {
             let oscillation = Oscillation { waveform: Waveform::Sine, amplitude: 0.1, frequency: 0.1 };
             wall.motion = WallMotion::Oscillating(Oscillating { oscillation, cycles: 0.0 });
         }
+        if self.drag {
+            // Before particles are placed beside them.
+            let moves = |wall: &&mut Wall| !matches!(wall.motion, WallMotion::Rotating(_));
+            scene.walls.iter_mut().filter(moves).for_each(|wall| wall.motion = WallMotion::Fixed);
+        }
         if self.huge {
             let kind = class(&mut scene, edge * random.uniform(0.1, 0.3), 1e3);
             scatter_within_room(&mut scene, kind, 1, 0.1, &mut random);
@@ -457,6 +467,9 @@ impl Recipe {
                 wall.point -= wall.normal * random.uniform(0.0, 1.5);
             }
         }
+        if self.drag {
+            self.damp(&mut scene, &mut random);
+        }
         scene
     }
 
@@ -536,6 +549,17 @@ impl Recipe {
         let numbers = format!("{surface:?}");
         let shape = Some(Shape::Named(NamedSurface::of("shape", &numbers, surface)));
         Wall { name: "shape".into(), point: DVec3::ZERO, normal: shift, motion, shape }
+    }
+
+    /// Adds a drag, and stops bodies of infinite mass.
+    fn damp(&self, scene: &mut System, random: &mut Random) {
+        for body in &mut scene.bodies {
+            if scene.classes[body.class as usize].mass.is_infinite() {
+                body.velocity = DVec3::ZERO;
+            }
+        }
+        let (time, rotational) = (10_f64.powf(random.uniform(-1.5, 2.0)), self.seed.is_multiple_of(3));
+        scene.drag = Some(Drag { time, rotational });
     }
 
     /// Changes edges along periodic axes: all alike, or each by its own rate.

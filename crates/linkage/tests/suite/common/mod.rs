@@ -72,6 +72,7 @@ impl Scene {
         }
         let system = System {
             spin: None,
+            drag: None,
             drives: Vec::new(),
             measure: haff_engine::Measure::default(),
             flow: None,

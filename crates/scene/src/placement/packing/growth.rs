@@ -231,6 +231,7 @@ impl Growth<'_> {
             },
             walls,
             spin: None,
+            drag: None,
             drives: vec![Drive { kind, species: vec![0], rotational: false }],
             seed,
             measure: Measure::default(),

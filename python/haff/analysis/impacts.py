@@ -1,0 +1,238 @@
+"""A table of the impacts of a few bodies, as a student would check them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..common.arguments import count
+from ..errors import NotApplicableError
+from ..files.layout import AXES, Array
+from .checked import checked
+from .experiment import gravity, pendulums
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..files.recording import Recording
+
+__all__ = ["impacts"]
+
+KINDS = ("collision", "wall", "stick")
+"""Events that are impacts."""
+UNKNOWN = ("rest", "slide", "settle", "release", "wake", "lift", "loose", "taut")
+"""Events that change a velocity by more than the impulse in the log."""
+
+
+@checked
+def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
+    """The impacts of a run in the order of their times, with the equations that they obey.
+
+    Parameters
+    ----------
+    most
+        The largest number of events that is worked through.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``time``; ``first`` and ``second``: names of the bodies, or of the body and the wall; ``first_before_x`` …,
+        ``second_after_y``: their velocities before and after the impact [length/time]; ``angle_before``,
+        ``angle_after``: angles of the relative velocity to the normal [degrees]; ``approach_speed``; ``e``: the speed
+        of separation over that of approach; ``impulse`` along the normal [mass·length/time]; ``energy_loss``: ΔT of the
+        normal component [energy]; ``carnot_energy``: the energy E_c of the lost velocities [energy]; ``carnot_check``:
+        what is missing in Carnot's theorem ΔT = E_c (1 − e)/(1 + e), in units of the energy before the impact along
+        the normal, 0 to rounding.
+
+        Velocities follow from the last frame before the impact, free flight, and the impulses of the log since: they
+        are NaN for bodies at springs and rods, after a body came to rest on a wall, and for walls that move.
+
+    Raises
+    ------
+    MissingDataError
+        There is no event log or no frame.
+    NotApplicableError
+        There are more events than ``most``; a drive that kicks, or a box that deforms, changes velocities in a way that
+        is not in the log.
+    """
+    import pandas as pd
+
+    most = count("most", most)
+    events = run.events
+    if len(events) > most:
+        raise NotApplicableError(f"{run.path}: {len(events):,} events are more than most = {most:,}")
+    if run.shear is not None or run.compression is not None:
+        raise NotApplicableError(f"{run.path}: the velocities in a box that deforms are not in the event log")
+    kinds = [drive["kind"] for drive in run.scene.get("drive", ())]
+    if set(kinds) - {"drag"}:
+        raise NotApplicableError(f"{run.path}: the kicks of drives are not in the event log")
+    log = events.to_pandas(
+        ["time", "kind", "i", "j", "approach_speed", "impulse", "energy_loss", "carnot_energy", "normal"]
+    )
+    vector = events["impulse_vector"] if "impulse_vector" in events.columns else None
+    tangential = events["tangential_loss"] if "tangential_loss" in events.columns else np.zeros(len(log))
+    bodies = _Bodies(run)
+    axes, rows = AXES[: run.dimension], []
+    normals = log[[f"normal_{axis}" for axis in "xyz"]].to_numpy()
+    for k, event in enumerate(log.itertuples(index=False)):
+        i, j, n = int(event.i), int(event.j), normals[k]
+        impulse = event.impulse * n if vector is None else vector[k]
+        of_pair = event.kind in ("collision", "stick") and j < len(run)
+        pair = [i, j] if of_pair else [i]
+        if event.kind in ("slack", "taut"):
+            bodies.set_slack(i, event.kind == "slack")
+        if event.kind not in KINDS:
+            for body in pair if event.kind in UNKNOWN and i < len(run) else ():
+                bodies.forget(body, event.time)
+            continue
+        signs = (-1, 1)
+        mass = 1 / sum(bodies.inverse_mass(body, event.time, sign * n) for body, sign in zip(pair, signs))
+        before = [bodies.velocity(body, event.time) for body in pair]
+        for body, sign in zip(pair, signs):
+            bodies.push(body, event.time, sign * impulse)
+        after = [bodies.velocity(body, event.time) for body in pair]
+        if not of_pair:
+            still = np.zeros(3) if not bodies.moves(j) else np.full(3, np.nan)
+            before, after = [*before, still], [*after, still]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            # The rod of a body takes part in its impact.
+            e = np.nan if bodies.on_rods & set(pair) else float(event.impulse / (mass * event.approach_speed) - 1)
+            loss = event.energy_loss - tangential[k]
+            check = (loss - event.carnot_energy * (1 - e) / (1 + e)) / (0.5 * mass * event.approach_speed**2)
+        row = {
+            "time": event.time,
+            "first": bodies.name(i),
+            "second": bodies.name(j) if of_pair else run.wall_names[j],
+            **{
+                f"{who}_before_{axis}": v[a]
+                for who, v in zip(("first", "second"), before)
+                for a, axis in enumerate(axes)
+            },
+            **{
+                f"{who}_after_{axis}": v[a] for who, v in zip(("first", "second"), after) for a, axis in enumerate(axes)
+            },
+            "angle_before": _angle(before[0] - before[1], n),
+            "angle_after": _angle(after[1] - after[0], n),
+            "approach_speed": event.approach_speed,
+            "e": e,
+            "impulse": event.impulse,
+            "energy_loss": loss,
+            "carnot_energy": event.carnot_energy,
+            "carnot_check": check,
+        }
+        rows.append(row)
+    if not rows:
+        raise NotApplicableError(f"{run.path}: there are no impacts")
+    return pd.DataFrame(rows)
+
+
+def _angle(velocity: Array, n: Array) -> float:
+    """Angle of a velocity to the normal [degrees]; 0 for a head-on impact."""
+    along = float(velocity @ n)
+    return float(np.degrees(np.arctan2(np.linalg.norm(velocity - along * n), along)))
+
+
+class _Bodies:
+    """Velocities of bodies between frames."""
+
+    def __init__(self, run: Recording) -> None:
+        self.run, self.frames = run, run.frames
+        if len(self.frames) == 0:
+            raise NotApplicableError(f"{run.path}: no frames, from which velocities follow (output.frames)")
+        self.time = self.frames.time
+        self.gravity = gravity(run)
+        drags = [drive["time"] for drive in run.scene.get("drive", ()) if drive["kind"] == "drag"]
+        self.drag = float(drags[0]) if drags else np.inf
+        self.hangs = pendulums(run)
+        joined = {name for joint in ("spring", "rod") for one in run.scene.get(joint, ()) for name in one["between"]}
+        self.joined = {body for body in range(len(run)) if run.species_names[run.species[body]] in joined}
+        rods = {name for one in run.scene.get("rod", ()) for name in one["between"]}
+        self.on_rods = {body for body in self.joined if run.species_names[run.species[body]] in rods}
+        tethers = {one["bob"]: one.get("tether", "string") for one in run.scene.get("pendulum", ())}
+        self.strings = {body for body in self.hangs if tethers[run.species_names[run.species[body]]] == "string"}
+        self.slack: set[int] = set()
+        # Of each body: time, position and velocity at its last frame or event.
+        self.state: dict[int, tuple[float, Array, Array]] = {}
+
+    def name(self, body: int) -> str:
+        called = self.run.species_names[self.run.species[body]]
+        return called if np.count_nonzero(self.run.species == self.run.species[body]) == 1 else f"{called} {body}"
+
+    def moves(self, wall: int) -> bool:
+        """Whether a wall moves: its velocity is not in the log."""
+        called = self.run.wall_names[wall]
+        of = next((one for one in self.run.scene.get("wall", ()) if one.get("name") == called), {})
+        return any(key in of for key in ("motion", "rotation", "mass")) or any(of.get("velocity", ()))
+
+    def _at(self, body: int, time: float) -> tuple[Array, Array]:
+        """Position and velocity of a body before what happens at a time."""
+        frame = int(np.searchsorted(self.time, time)) - 1
+        start, r, v = self.state.get(body, (-np.inf, np.zeros(3), np.zeros(3)))
+        if (frame >= 0 and self.time[frame] >= start) or start == -np.inf:
+            found = self.frames[max(frame, 0)]
+            start, r, v = found.time, found.position[body].astype(float), found.velocity[body].astype(float)
+            if body in self.joined:
+                v = np.full(3, np.nan)
+        return self._flown(body, r, v, time - start)
+
+    def _flown(self, body: int, r: Array, v: Array, dt: float) -> tuple[Array, Array]:
+        if body in self.hangs and body not in self.slack:
+            return _swung(r, v, *self.hangs[body], self.gravity, dt)
+        if np.isinf(self.run.mass[body]):
+            return r + v * dt, v
+        if np.isfinite(self.drag):
+            return r - v * self.drag * np.expm1(-dt / self.drag), v * np.exp(-dt / self.drag)
+        return r + (v + 0.5 * self.gravity * dt) * dt, v + self.gravity * dt
+
+    def velocity(self, body: int, time: float) -> Array:
+        """Velocity ``[3]`` of a body after what has been pushed so far."""
+        return self._at(body, time)[1]
+
+    def set_slack(self, body: int, slack: bool) -> None:
+        """Notes that the string of a body is slack from now on, or taut."""
+        (self.slack.add if slack else self.slack.discard)(body)
+
+    def _holds(self, body: int, r: Array, push: Array) -> bool:
+        """Whether the tether of a body resists such a push: a string only one away from its pivot."""
+        if body not in self.hangs or body in self.slack:
+            return False
+        return body not in self.strings or float(push @ (r - self.hangs[body][0])) > 0
+
+    def push(self, body: int, time: float, impulse: Array) -> None:
+        """Gives a body an impulse."""
+        r, v = self._at(body, time)
+        v = v + impulse / self.run.mass[body]
+        if self._holds(body, r, v):
+            rod = (r - self.hangs[body][0]) / np.linalg.norm(r - self.hangs[body][0])
+            v = v - rod * (v @ rod)
+        self.state[body] = (time, r, v)
+
+    def inverse_mass(self, body: int, time: float, n: Array) -> float:
+        """What an impulse along n adds to the velocity along it, per impulse: less than 1/m on a tether."""
+        free = 1.0
+        r = self._at(body, time)[0]
+        if self._holds(body, r, n):
+            arm = r - self.hangs[body][0]
+            free = 1.0 - float(arm @ n) ** 2 / float(arm @ arm)
+        return free / float(self.run.mass[body])
+
+    def forget(self, body: int, time: float) -> None:
+        """The velocity of a body is unknown from a time on, up to the next frame."""
+        r, _ = self._at(body, time)
+        self.state[body] = (time, r, np.full(3, np.nan))
+
+
+def _swung(r: Array, v: Array, pivot: Array, length: float, g: Array, dt: float) -> tuple[Array, Array]:
+    """A pendulum after a time."""
+    from scipy.integrate import solve_ivp
+
+    if dt <= 0 or not np.isfinite(v).all():
+        return r, v
+
+    def rates(_: float, state: Array) -> Array:
+        arm, w = state[:3] - pivot, state[3:]
+        return np.concatenate([w, g - arm * ((g @ arm + w @ w) / (arm @ arm))])
+
+    end = solve_ivp(rates, (0.0, dt), np.concatenate([r, v]), method="DOP853", rtol=1e-12, atol=1e-13 * length).y[:, -1]
+    return end[:3], end[3:]

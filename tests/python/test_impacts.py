@@ -1,0 +1,77 @@
+"""The table of impacts: velocities from frames and impulses, and the equations of impact."""
+
+import numpy as np
+import pytest
+
+import haff
+from conftest import CONFIGS
+from haff import analysis
+from haff.command.main import main
+
+TEXTBOOK = sorted(path.stem for path in (CONFIGS / "textbook").glob("*.toml"))
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_impacts_of_the_textbook_obey_carnots_theorem(name, tmp_path):
+    with haff.run(CONFIGS / "textbook" / f"{name}.toml", file=tmp_path / "run.h5", output__events=True) as run:
+        table = analysis.impacts(run)
+        log = run.file.events.to_pandas()
+    assert len(table) == log["kind"].isin(["collision", "wall", "stick"]).sum()
+    check = table["carnot_check"].to_numpy()
+    assert np.all(np.isnan(check) | (np.abs(check) < 1e-14))
+    # A rod takes part in the impact of its ends.
+    assert np.isnan(check).any() == ("rod" in name)
+
+
+def test_an_oblique_impact_has_the_numbers_of_the_problem(tmp_path):
+    with haff.run(CONFIGS / "textbook/oblique_pair.toml", file=tmp_path / "run.h5", output__events=True) as run:
+        row = run.file.impacts().iloc[0]
+    assert (row["first"], row["second"]) == ("one", "two")
+    velocities = {
+        "first_before": (30, 10), "second_before": (-10, -30), "first_after": (0, 10), "second_after": (20, -30),
+    }  # fmt: skip
+    for name, expected in velocities.items():
+        assert [row[f"{name}_{axis}"] for axis in "xy"] == pytest.approx(expected, abs=1e-12)
+    assert (row["e"], row["impulse"]) == pytest.approx((0.5, 30.0), rel=1e-14)
+    assert row["angle_before"] == pytest.approx(45.0) and row["angle_after"] == pytest.approx(np.degrees(np.arctan(2)))
+
+
+def test_velocities_of_a_break_shot_are_those_of_the_next_frames(tmp_path):
+    with haff.run(CONFIGS / "breakshot.toml", file=tmp_path / "run.h5", output__events=True) as run:
+        table, last = analysis.impacts(run), run.file.frames[-1]
+        assert len(table) > 50
+        for body in range(1, 16):
+            mine = table[(table["first"] == f"ball {body}") | (table["second"] == f"ball {body}")]
+            if len(mine):
+                row = mine.iloc[-1]
+                side = "first" if row["first"] == f"ball {body}" else "second"
+                after = [row[f"{side}_after_{axis}"] for axis in "xy"]
+                assert last.velocity[body, :2] == pytest.approx(after, rel=1e-9, abs=1e-12)
+
+
+def test_tables_are_markdown_csv_and_latex(tmp_path, capsys):
+    run = haff.run(CONFIGS / "textbook/direct_impact.toml", file=tmp_path / "run.h5", output__events=True)
+    run.close()
+    path = str(tmp_path / "run.h5")
+    assert main(["table", path]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("| time | first | second |") and "first before x" in lines[0] and len(lines) == 3
+    assert "before y" not in lines[0], "components that are 0 throughout"
+    assert main(["table", path, "-o", str(tmp_path / "impacts.csv")]) == 0
+    assert (tmp_path / "impacts.csv").read_text().startswith("time,first,second,first_before_x,")
+    assert main(["table", path, "--to", "latex"]) == 0
+    assert r"\begin{tabular}" in capsys.readouterr().out.replace("impacts.csv", "")
+    assert main(["table", path, "--to", "html"]) == 2
+    assert main(["table", path, "-o", str(tmp_path / "impacts.csv")]) == 2, "the file exists"
+
+
+def test_what_has_no_table_says_why(files, tmp_path):
+    with haff.open(files["quiet"]) as run, pytest.raises(haff.MissingDataError, match="no event log"):
+        analysis.impacts(run)
+    with haff.open(files["cooling"]) as run, pytest.raises(haff.NotApplicableError, match="are more than most = 10"):
+        analysis.impacts(run, most=10)
+    heated = haff.run(
+        haff.template("heated_gas"), species__0__count=50, run__until=0.5, file=tmp_path / "h.h5", output__events=True
+    )
+    with heated, pytest.raises(haff.NotApplicableError, match="the kicks of drives"):
+        analysis.impacts(heated)
