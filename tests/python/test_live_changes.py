@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import haff
+from conftest import CONFIGS
 
 GAS = {
     "seed": 6,
@@ -133,6 +134,6 @@ def test_a_changed_run_is_reproducible():
 
 
 def test_scenes_with_joints_cannot_be_changed():
-    pendulum = haff.Simulation("configs/textbook/pendulums.toml")
+    pendulum = haff.Simulation(CONFIGS / "textbook/pendulums.toml")
     with pytest.raises(ValueError, match="pendulums, springs, rods or sticking contacts"):
         pendulum.velocities = 1.0

@@ -84,10 +84,14 @@ def test_templates_run_and_agree_with_the_schema():
     assert "cooling" in haff.templates()
     for name in haff.templates():
         assert haff.validate(haff.template(name))["schema"] == 1
-    with pytest.raises(KeyError, match="cooling"):
+    with pytest.raises(KeyError, match="did you mean cooling"):
+        haff.template("coolin")
+    with pytest.raises(KeyError, match=r"haff\.templates\(\) has their names"):
         haff.template("frobnicate")
-    with pytest.raises(haff.FileError, match=r"haff\.template\(\"drum\"\) is a shipped scene of this name"):
+    with pytest.raises(haff.FileError, match="haff init drum > drum"):
         haff.run("drum")
+    with pytest.raises(haff.FileError, match=r"haff\.template\(\"drum\"\) is a shipped scene of this name"):
+        haff.validate("drum")
     assert "contact" in haff.schema()["properties"]
 
 

@@ -63,10 +63,10 @@ def paths(files, tmp_path_factory):
 
 
 DRAWN = {
-    "cooling": {"structure_factor", "clusters", "density"},
-    "disks": {"structure_factor", "clusters", "density"},
-    "sheared": {"structure_factor", "clusters", "density"},
-    "mixture": {"structure_factor", "clusters", "density", "partials"},
+    "cooling": {"structure_factor", "structure_history", "clusters", "density"},
+    "disks": {"structure_factor", "structure_history", "clusters", "density"},
+    "sheared": {"structure_factor", "structure_history", "clusters", "density"},
+    "mixture": {"structure_factor", "structure_history", "clusters", "density", "partials"},
     "layer": {"clusters", "density", "heights"},
     "ball": set(),
 }

@@ -64,7 +64,7 @@ def draw(file: Recording, index: int | None = None) -> Figure:
     return figure
 
 
-def sampled(file: Recording, most_pairs: float, index: int | None) -> Range:
+def sampled(file: Recording, most_pairs: float, index: int | None = None) -> Range:
     """The frames and bins of a figure, for up to about ``most_pairs`` distances; of one frame if an index is given."""
     box, d = file.box, file.dimension
     if not box.fully_periodic:

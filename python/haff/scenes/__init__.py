@@ -12,6 +12,7 @@ A scene is the same whether it stands in a file or in a dict: ``{"contact": {"re
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -187,7 +188,9 @@ def template(name: str) -> dict[str, Any]:
     """
     found = {key: (text, files) for key, _, text, files in compiled().templates()}
     if not isinstance(name, str) or name not in found:
-        raise UnknownNameError(f"name = {quoted(name)}: no such template; there are {', '.join(found)}")
+        near = difflib.get_close_matches(name, found) if isinstance(name, str) else []
+        meant = f", did you mean {' or '.join(near)}?" if near else ""
+        raise UnknownNameError(f"name = {quoted(name)}: no such template{meant}; haff.templates() has their names")
     text, files = found[name]
     scene = tomllib.loads(text)
     if files:
