@@ -239,7 +239,7 @@ fn white_noise_and_drag_are_an_ornstein_uhlenbeck_process() {
         let mut scene = system(Dimension::Three, DVec3::ONE, OPEN);
         let kind = class(&mut scene, 1e-6, 2.0);
         for k in 0..count {
-            let place = DVec3::new((k % 28) as f64, (k / 28 % 28) as f64, (k / 784) as f64);
+            let place = DVec3::new(f64::from(k % 28), f64::from(k / 28 % 28), f64::from(k / 784));
             add(&mut scene, kind, 1e5 * place, DVec3::ZERO);
         }
         damped(&mut scene, tau);

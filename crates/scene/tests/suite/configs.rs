@@ -84,7 +84,7 @@ fn every_template_is_accepted() {
     names.sort();
     let mut shipped: Vec<String> = ["configs", "configs/textbook"]
         .into_iter()
-        .flat_map(|folder| scenes(folder))
+        .flat_map(scenes)
         .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
         .collect();
     shipped.sort();
