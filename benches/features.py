@@ -175,7 +175,7 @@ class Feature:
     output: dict[str, object] | None = None
     top: dict[str, object] = field(default_factory=dict)
     # A rate of shear is in mean free times of the plain scene.
-    # Entries of [[wall]] and [[drive]]; a rate is in kicks of a particle in a mean free time of the plain scene.
+    # Entries of [[wall]] and [[drive]]; a rate and a time are in units of the mean free time of the plain scene.
     walls: list[dict[str, object]] = field(default_factory=list)
     drive: dict[str, float | str] | None = None
     # Keys of [measure]; intervals in mean free times of the plain scene.
@@ -220,6 +220,7 @@ FEATURES = [
         walls=[{"name": name, "temperature": 1.0} for name in ("x-", "x+", "y-", "y+", "z-", "z+")],
     ),
     Feature("white noise, a kick in a mean free time", drive={"kind": "white_noise", "strength": 1e-9, "rate": 1.0}),
+    Feature("drag, time constant of 100 mean free times", drive={"kind": "drag", "time": 100.0}),
     Feature("disks", top={"dimension": 2}),
     Feature("measuring: pressure tensor", measure={"stress": True}),
     Feature(
@@ -278,7 +279,8 @@ def scene(feature: Feature, phi: float, mean_free_time: float) -> str:
     for keys in feature.walls:
         lines += ["[[wall]]", *[f"{key} = {toml(value)}" for key, value in keys.items()]]
     if feature.drive:
-        drive = feature.drive | {"rate": float(feature.drive["rate"]) / mean_free_time}
+        scale = {"rate": 1 / mean_free_time, "time": mean_free_time}
+        drive = {key: float(value) * scale[key] if key in scale else value for key, value in feature.drive.items()}
         lines += ["[[drive]]", *[f"{key} = {toml(value)}" for key, value in drive.items()]]
     if feature.measure:
         measure = dict(feature.measure)

@@ -39,7 +39,7 @@ pub(crate) fn penetration_to_correct(depth: f64, coordinates: DVec3, reach: f64)
 pub(crate) fn state_at_event<F: Features>(world: &World, i: u32, time: i64) -> (DVec3, DVec3) {
     if !F::GRAVITY {
         let (position, velocity) = world.flight::<F>(i, time);
-        return (position, world.damped(velocity, time));
+        return (position, if F::DAMPED { world.damped(velocity, time) } else { velocity });
     }
     if let Some(wall) = world.carrier(i) {
         let particle = &world.particles[i as usize];

@@ -107,10 +107,9 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
 ) {
     let &PairImpact { bodies: [i, j], classes: [a, b], positions, before, after, n, distance, .. } = impact;
     let impact = impact.impact;
-    if !F::GRAVITY && !F::DEFORMS && state.world.is_damped() {
+    if F::DAMPED {
         // Before the spins change.
-        drag::end_flight(state, i, time);
-        drag::end_flight(state, j, time);
+        drag::end_flights(state, &[i, j], time);
     }
     let tangential = if !F::ELASTIC && state.world.spin.is_some() {
         Some(rough::apply_pair(state, rough, time))
@@ -129,10 +128,12 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
     // A body of infinite mass keeps its anchor: its flight has not changed, so predictions with it stay
     // valid.
     if a.inverse_mass != 0.0 {
-        world.set_anchor(i, positions[0], after[0], time);
+        let velocity = world.anchor_velocity::<F>(after[0], time);
+        world.particles[i as usize].set_anchor(positions[0], velocity, time);
     }
     if b.inverse_mass != 0.0 {
-        world.set_anchor(j, positions[1], after[1], time);
+        let velocity = world.anchor_velocity::<F>(after[1], time);
+        world.particles[j as usize].set_anchor(positions[1], velocity, time);
     }
     if !F::ELASTIC && world.laws.contact_times.is_some() {
         world.note_contacts([i, j], time);
@@ -141,7 +142,7 @@ pub(crate) fn apply<F: Features, const EVENTS: bool>(
         world.particles[i as usize].set_recently_hit(true);
         world.particles[j as usize].set_recently_hit(true);
     }
-    let now = world.clock.shown(time);
+    let now = world.shown::<F>(time);
     if F::GRAVITY {
         keep_support(state, i, time);
         keep_support(state, j, time);

@@ -237,9 +237,9 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
 ) {
     let &WallContact { i, wall, time, position, velocity, n, wall_velocity } = contact;
     let &WallBounce { law, after, impact, repeated } = bounce;
-    if !F::GRAVITY && !F::DEFORMS && state.world.is_damped() {
+    if F::DAMPED {
         // Before the spin changes.
-        drag::end_flight(state, i, time);
+        drag::end_flights(state, &[i], time);
     }
     let tangential =
         if !F::ELASTIC && state.world.spin.is_some() { Some(rough::apply_wall(state, rough)) } else { None };
@@ -252,7 +252,8 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
     // A fixed or driven body that a piston strikes: nothing changes its flight.
     let is_struck = F::PISTONS && class.inverse_mass == 0.0;
     if !is_struck {
-        world.set_anchor(i, position, after, time);
+        let velocity = world.anchor_velocity::<F>(after, time);
+        world.particles[i as usize].set_anchor(position, velocity, time);
     }
     if !F::ELASTIC {
         world.note_contact(i, time);
@@ -261,7 +262,7 @@ fn apply_bounce<F: Features, const EVENTS: bool>(
         world.particles[i as usize].set_recently_hit(repeated);
     }
 
-    let now = world.clock.shown(time);
+    let now = world.shown::<F>(time);
     let accumulators = &mut state.accumulators;
     accumulators.counters.wall_collisions += 1;
     add_impact::<F>(accumulators, now, 0.0, &impact);

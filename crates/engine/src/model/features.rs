@@ -1,7 +1,7 @@
 //! Features of a scene as type parameters. The engine is compiled separately for each combination, so that a
 //! scene has no cost for features that it does not use.
 //!
-//! Features are compiled in or out: gravity, one-size systems, elastic ones and grains at rest are type
+//! Features are compiled in or out: gravity, drag, one-size systems, elastic ones and grains at rest are type
 //! parameters, and the event log; `choice::compile` chooses. Velocity-dependent restitution, the TC model
 //! and walls cost a branch where they occur.
 
@@ -19,6 +19,8 @@ pub(crate) trait Features: Send + Sync + 'static {
     const DEFORMS: bool;
     /// There are pistons. Only with `GRAVITY`: their flights are accelerated.
     const PISTONS: bool;
+    /// A drag acts on the particles. Never with `GRAVITY` or `DEFORMS`.
+    const DAMPED: bool;
 }
 
 /// The combination of these features.
@@ -29,6 +31,7 @@ pub(crate) struct With<
     const ELASTIC: bool = false,
     const DEFORMS: bool = false,
     const PISTONS: bool = false,
+    const DAMPED: bool = false,
 >;
 
 impl<
@@ -38,7 +41,8 @@ impl<
     const ELASTIC: bool,
     const DEFORMS: bool,
     const PISTONS: bool,
-> Features for With<GRAVITY, UNIFORM, REST, ELASTIC, DEFORMS, PISTONS>
+    const DAMPED: bool,
+> Features for With<GRAVITY, UNIFORM, REST, ELASTIC, DEFORMS, PISTONS, DAMPED>
 {
     const GRAVITY: bool = GRAVITY;
     const UNIFORM: bool = UNIFORM;
@@ -46,6 +50,7 @@ impl<
     const ELASTIC: bool = ELASTIC;
     const DEFORMS: bool = DEFORMS;
     const PISTONS: bool = PISTONS;
+    const DAMPED: bool = DAMPED;
 }
 
 /// Any particles, without gravity.
@@ -56,6 +61,8 @@ pub(crate) type FallingPolydisperse = With<true, false>;
 pub(crate) type Settling = With<true, false, true>;
 /// Any particles between or beside pistons.
 pub(crate) type Pressed = With<true, false, false, false, false, true>;
+/// Any particles under a drag.
+pub(crate) type Damped = With<false, false, false, false, false, false, true>;
 /// Any particles in a box that deforms.
 pub(crate) type DeformingPolydisperse = With<false, false, false, false, true>;
 #[cfg(not(test))]

@@ -12,11 +12,12 @@ Each flight adds what it loses to the balance when it ends, and its integral of 
 use glam::DVec3;
 
 use crate::{
+    model::features::Features,
     numerics::{instant::Instant, total::total},
     report::ledger::Term,
     state::{
         State,
-        flight_sums::{Moments, SECOND, Summed, symmetric},
+        flight_sums::{Moments, Summed, moments},
         world::World,
     },
 };
@@ -43,6 +44,22 @@ impl World {
         if self.is_damped() { velocity / self.clock.decay(ticks) } else { velocity }
     }
 
+    /// [`Self::undamped`] in code that is compiled per feature.
+    #[inline(always)]
+    pub fn anchor_velocity<F: Features>(&self, velocity: DVec3, ticks: i64) -> DVec3 {
+        if F::DAMPED { self.undamped(velocity, ticks) } else { velocity }
+    }
+
+    /// [`Clock::shown`](crate::numerics::clock::Clock::shown) in code that is compiled per feature.
+    #[inline(always)]
+    pub fn shown<F: Features>(&self, ticks: i64) -> f64 {
+        if F::DAMPED {
+            self.clock.shown(ticks)
+        } else {
+            self.clock.straight_time(ticks).max(self.clock.earliest)
+        }
+    }
+
     /// The part that a drag has left of stored angular velocities at `ticks`.
     #[inline]
     pub fn spin_decay(&self, ticks: i64) -> f64 {
@@ -63,13 +80,19 @@ impl World {
         if class.inverse_mass == 0.0 {
             return (0.0, DVec3::ZERO);
         }
-        let decay = [particle.time, ticks].map(|ticks| self.clock.decay(ticks));
         let turning = self.spin.as_ref().filter(|spins| spins.damped).map_or(0.0, |spins| {
             class.moment_of_inertia(&spins.inertia) * spins.angular_velocity[i as usize].length_squared()
         });
         let twice = class.mass * particle.velocity.length_squared() + turning;
-        let lost = decay[0] - decay[1];
-        (0.5 * twice * lost * (decay[0] + decay[1]), particle.velocity * -(class.mass * lost))
+        // Not the difference of both decays, which loses the digits of a short flight.
+        let lost = self.age(i, ticks) * self.drag_rate();
+        let decays = self.clock.decay(particle.time) + self.clock.decay(ticks);
+        (0.5 * twice * lost * decays, particle.velocity * -(class.mass * lost))
+    }
+
+    /// 1/τ [1/time]; 0 without drag.
+    fn drag_rate(&self) -> f64 {
+        self.clock.drag.map_or(0.0, f64::recip)
     }
 
     /// What the drag has taken since the anchors of all particles \[energy\], and its impulse.
@@ -84,16 +107,20 @@ impl World {
         (loss, DVec3::new(x, y, z))
     }
 
-    /// The integrals of the moments of particle i over `duration` from `start` on, under a drag with the time
-    /// constant `drag`: those of v e^(−t/τ).
-    pub fn damped_moments(&self, i: u32, start: Instant, duration: f64, drag: f64) -> Moments {
-        let mass = self.class(i).mass;
-        let velocity = self.particles[i as usize].velocity * self.clock.decay_at(start);
-        let second = mass * -0.5 * drag * libm::expm1(-2.0 * duration / drag);
-        let sums: [f64; SECOND] = symmetric(velocity, velocity).map(|component| component * second);
-        let momentum = velocity * (mass * -drag * libm::expm1(-duration / drag));
-        let [xx, xy, xz, yy, yz, zz] = sums;
-        [xx, xy, xz, yy, yz, zz, momentum.x, momentum.y, momentum.z]
+    /// The integrals of the moments of particle i from its anchor, but not before `until`, to `ticks` in the
+    /// same epoch: with v = u (1 − s/τ) and dt = ds/(1 − s/τ), ∫ v ⊗ v dt is u ⊗ u times the mean of 1 − s/τ
+    /// at both ends times the transformed time.
+    pub fn damped_flight(&self, i: u32, ticks: i64, until: Instant) -> Moments {
+        let (particle, class) = (&self.particles[i as usize], self.class(i));
+        let skipped = (self.clock.transformed(until) - particle.time as f64 * self.clock.tick).max(0.0);
+        let duration = self.age(i, ticks) - skipped;
+        if class.inverse_mass == 0.0 || duration <= 0.0 {
+            return [0.0; 9];
+        }
+        let start = self.clock.decay(particle.time) - skipped * self.drag_rate();
+        let mean = 0.5 * (start + self.clock.decay(ticks));
+        let [xx, xy, xz, yy, yz, zz, x, y, z] = moments(class.mass * duration, particle.velocity);
+        [xx * mean, xy * mean, xz * mean, yy * mean, yz * mean, zz * mean, x, y, z]
     }
 
     /// The velocities of all anchors for an epoch that starts at `now`, where they are. What will not move by
@@ -119,24 +146,34 @@ impl World {
     }
 }
 
-/// Adds what the drag has done to particle i in its flight, which ends at `ticks`, to the balances. Its
-/// anchor and its spin are still those of the flight.
-pub(crate) fn add(state: &mut State, i: u32, ticks: i64) {
-    if state.world.is_damped() {
-        let (loss, impulse) = state.world.drag_on(i, ticks);
-        state.accumulators.add_work_in_flight(Term::Drag, loss);
-        state.accumulators.add_impulse(impulse);
+/// Adds what the drag has done to bodies in their flights, which end at `ticks`, to the balances. Their
+/// anchors and spins are still those of the flights.
+pub(crate) fn add(state: &mut State, bodies: &[u32], ticks: i64) {
+    if !state.world.is_damped() {
+        return;
     }
+    let (mut loss, mut impulse) = (0.0, DVec3::ZERO);
+    for &i in bodies {
+        let (of_body, on_body) = state.world.drag_on(i, ticks);
+        (loss, impulse) = (loss + of_body, impulse + on_body);
+    }
+    state.accumulators.add_work_in_flight(Term::Drag, loss);
+    state.accumulators.add_impulse(impulse);
 }
 
-/// [`add`], and adds the flight to the integrals that are summed.
-#[cold]
+/// [`add`], and adds the flights to the integrals that are summed.
 #[inline(never)]
-pub(crate) fn end_flight(state: &mut State, i: u32, ticks: i64) {
-    add(state, i, ticks);
+pub(crate) fn end_flights(state: &mut State, bodies: &[u32], ticks: i64) {
+    add(state, bodies, ticks);
     let State { world, accumulators, .. } = state;
     if world.flights != Summed::Nothing {
-        let integral = world.flown(i, world.clock.instant(ticks), accumulators.flown_until());
-        accumulators.add_flight(world.flights, integral);
+        let until = accumulators.flown_until();
+        let mut sums = [0.0; 9];
+        for &i in bodies {
+            for (sum, term) in sums.iter_mut().zip(world.damped_flight(i, ticks, until)) {
+                *sum += term;
+            }
+        }
+        accumulators.add_flight(world.flights, sums);
     }
 }

@@ -31,7 +31,7 @@ use crate::{
 impl World {
     /// The integrals of the moments of particle i from its anchor, but not before `until`, to `end`. Zero for
     /// a body of infinite mass, and one that is asleep.
-    pub(super) fn flown(&self, i: u32, end: Instant, until: Instant) -> Moments {
+    fn flown(&self, i: u32, end: Instant, until: Instant) -> Moments {
         let particle = &self.particles[i as usize];
         let class = self.class(i);
         let anchor = self.clock.instant(particle.time);
@@ -39,9 +39,6 @@ impl World {
         let duration = end.since(start);
         if class.inverse_mass == 0.0 || duration <= 0.0 {
             return [0.0; 9];
-        }
-        if let Some(drag) = self.clock.drag {
-            return self.damped_moments(i, start, duration, drag);
         }
         if let Some(images) = &self.boundary.deformation
             && images.stretches()
@@ -116,7 +113,7 @@ pub(crate) fn end(state: &mut State, i: u32, ticks: i64) {
     if !state.world.flies_straight() || state.world.boundary.deformation.is_some() {
         end_after(state, i, state.world.age(i, ticks));
     } else if state.world.is_damped() {
-        drag::end_flight(state, i, ticks);
+        drag::end_flights(state, &[i], ticks);
     }
 }
 
@@ -166,7 +163,9 @@ pub(crate) fn take(state: &mut State) -> Option<Moments> {
         return None;
     }
     let (now, until) = (world.clock.instant(world.now), accumulators.flown_until());
-    let pending = total(world.particles.len(), |i| world.flown(i, now, until));
+    let pending = total(world.particles.len(), |i| {
+        if world.is_damped() { world.damped_flight(i, world.now, until) } else { world.flown(i, now, until) }
+    });
     accumulators.add_flight(world.flights, pending);
     let flights = accumulators.flights.get_or_insert_default();
     flights.until = now;

@@ -95,6 +95,12 @@ impl Clock {
         if let Some(drag) = self.drag {
             return self.damped_time(ticks, drag);
         }
+        self.straight_time(ticks)
+    }
+
+    /// [`Self::time`] where there is no drag.
+    #[inline(always)]
+    pub fn straight_time(&self, ticks: i64) -> f64 {
         self.base + (ticks as f64 * self.tick + self.base_low)
     }
 
@@ -110,10 +116,13 @@ impl Clock {
         self.drag.map_or(1.0, |drag| 1.0 - ticks as f64 * self.tick / drag)
     }
 
-    /// The same at an instant.
-    pub fn decay_at(&self, instant: Instant) -> f64 {
-        let start = Instant { high: self.base, low: self.base_low };
-        self.drag.map_or(1.0, |drag| libm::exp(-instant.since(start) / drag))
+    /// Transformed time from the start of the epoch to an instant \[time\]; 0 for one before it.
+    pub fn transformed(&self, instant: Instant) -> f64 {
+        let duration = instant.since(Instant { high: self.base, low: self.base_low });
+        match self.drag {
+            Some(drag) if duration > 0.0 => transformed_time(duration, drag),
+            _ => duration.max(0.0),
+        }
     }
 
     /// Duration between two times \[ticks\], the later one last \[time\].

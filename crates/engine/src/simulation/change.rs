@@ -189,7 +189,7 @@ impl Simulation {
         for i in 0..state.world.particles.len() as u32 {
             let age = state.world.age(i, now);
             flow_work::end_flight_after(&mut state, i, age);
-            drag::add(&mut state, i, now);
+            drag::add(&mut state, &[i], now);
         }
         let flights = flights::take(&mut state);
         let (before, after) = (Totals::of(&state.world), Totals::of(&world));

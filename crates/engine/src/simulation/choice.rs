@@ -19,7 +19,7 @@ use crate::{
     model::{
         Boundary, NeighborChoice, Options, System,
         features::{
-            DeformingMonodisperse, DeformingPolydisperse, ElasticMonodisperse, FallingMonodisperse,
+            Damped, DeformingMonodisperse, DeformingPolydisperse, ElasticMonodisperse, FallingMonodisperse,
             FallingPolydisperse, Features, Monodisperse, Polydisperse, Pressed, Settling,
         },
         thresholds::Thresholds,
@@ -273,6 +273,9 @@ impl Choice {
                             geometry, kernel, count,
                         ))
                     }
+                    Search::AllPairs if <$features>::DAMPED => {
+                        Box::new(CalendarScheduler::<Damped, AllPairs>::new(geometry, kernel, count))
+                    }
                     Search::AllPairs => {
                         Box::new(CalendarScheduler::<Polydisperse, AllPairs>::new(geometry, kernel, count))
                     }
@@ -290,6 +293,9 @@ impl Choice {
         }
         if Deformation::of(system).is_some() {
             return self.compile_for_deformation(system, geometry);
+        }
+        if system.drag.is_some() {
+            return self.compile_for_lists::<Damped, Impact>(system).unwrap_or_else(|| scheduler!(Damped));
         }
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         // The elastic engine keeps no times of contacts, which a law may need after a change.

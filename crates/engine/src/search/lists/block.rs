@@ -174,7 +174,7 @@ impl<F: Features> ListBlock<F> {
         let frame = &self.predictor.plan.frame;
         let world = &self.part.state.world;
         let allows = |&(_, position, velocity): &(u32, DVec3, DVec3)| {
-            frame.allows::<F>(world, (position, world.undamped(velocity, entry.time)), entry.time)
+            frame.allows::<F>(world, (position, world.anchor_velocity::<F>(velocity, entry.time)), entry.time)
         };
         if !impact.after().iter().all(allows) {
             return false;
@@ -229,7 +229,8 @@ impl<F: Features> ListBlock<F> {
             return false;
         };
         let world = &self.part.state.world;
-        let after = (contact.position, self.part.state.world.undamped(outcome.velocity(), entry.time));
+        let after =
+            (contact.position, self.part.state.world.anchor_velocity::<F>(outcome.velocity(), entry.time));
         if !self.predictor.plan.frame.allows::<F>(world, after, entry.time) {
             return false;
         }

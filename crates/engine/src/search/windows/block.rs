@@ -134,7 +134,7 @@ impl<F: Features> WindowBlock<F> {
         for (k, (_, position, velocity)) in impact.after().into_iter().enumerate() {
             // In the order of the indices.
             let k = if i < j { k } else { 1 - k };
-            let velocity = self.part.state.world.undamped(velocity, entry.time);
+            let velocity = self.part.state.world.anchor_velocity::<F>(velocity, entry.time);
             match self.stays(round, &places[k], (position, velocity), entry.time) {
                 Stays::Inside => {}
                 Stays::Outside => return self.part.leave(step, event, &places, time),
@@ -189,7 +189,8 @@ impl<F: Features> WindowBlock<F> {
         else {
             return false;
         };
-        let after = (contact.position, self.part.state.world.undamped(outcome.velocity(), entry.time));
+        let after =
+            (contact.position, self.part.state.world.anchor_velocity::<F>(outcome.velocity(), entry.time));
         match self.stays(round, &places[0], after, entry.time) {
             Stays::Inside => {}
             Stays::Outside => return self.part.leave(step, event, &places, time),
