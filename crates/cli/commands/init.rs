@@ -20,8 +20,7 @@ pub fn init(options: &Init) -> Result<u8, Failure> {
     let first = || templates().next().map_or("", |template| template.name);
     let requested = options.template.as_deref().unwrap_or_else(first);
     let Some(template) = template(requested) else {
-        let names: Vec<&str> = templates().map(|template| template.name).collect();
-        let message = format!("no template {requested:?}: must be one of {}", names.join(", "));
+        let message = format!("no template {requested:?}: haff init --list has their names");
         return Err(Failure::new(Status::Invalid, message));
     };
     write_files(template)?;

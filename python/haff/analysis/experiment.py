@@ -170,11 +170,13 @@ def driven(run: Recording, wall: int) -> str:
     _, of = _wall(run, wall)
     if "motion" in of:
         return "oscillates"
-    if "temperature" in of:
-        return "is thermal"
+    if "mass" in of:
+        return "is a piston"
     if of.get("rotation", {}).get("rate"):
         return "rotates"
-    return "has a velocity" if any(of.get("velocity", ())) else ""
+    if any(of.get("velocity", ())):
+        return "has a velocity"
+    return "is thermal" if "temperature" in of else ""
 
 
 def body(run: Recording, name: str) -> int:
@@ -184,6 +186,12 @@ def body(run: Recording, name: str) -> int:
         if len(rows):
             return int(rows[0])
     raise FileError(f"{run.path}: parameters/scene: no particle has the name {quoted(name)}")
+
+
+def body_name(run: Recording, body: int) -> str:
+    """Name of a body, with its row where several share one."""
+    name = run.species_names[run.species[body]]
+    return name if np.count_nonzero(run.species == run.species[body]) == 1 else f"{name} {body}"
 
 
 def pendulums(run: Recording) -> dict[int, tuple[Array, float]]:

@@ -10,7 +10,7 @@ from ..common.arguments import count
 from ..errors import NotApplicableError
 from ..files.layout import AXES, Array
 from .checked import checked
-from .experiment import gravity, pendulums
+from .experiment import body_name, driven, gravity, pendulums
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,7 +93,8 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
             bodies.push(body, event.time, sign * impulse)
         after = [bodies.velocity(body, event.time) for body in pair]
         if not of_pair:
-            still = np.zeros(3) if not bodies.moves(j) else np.full(3, np.nan)
+            # The velocity of a wall that moves is not in the log.
+            still = np.zeros(3) if driven(run, j) in ("", "is thermal") else np.full(3, np.nan)
             before, after = [*before, still], [*after, still]
         with np.errstate(invalid="ignore", divide="ignore"):
             # The rod of a body takes part in its impact.
@@ -102,8 +103,8 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
             check = (loss - event.carnot_energy * (1 - e) / (1 + e)) / (0.5 * mass * event.approach_speed**2)
         row = {
             "time": event.time,
-            "first": bodies.name(i),
-            "second": bodies.name(j) if of_pair else run.wall_names[j],
+            "first": body_name(run, i),
+            "second": body_name(run, j) if of_pair else run.wall_names[j],
             **{
                 f"{who}_before_{axis}": v[a]
                 for who, v in zip(("first", "second"), before)
@@ -154,16 +155,6 @@ class _Bodies:
         self.slack: set[int] = set()
         # Of each body: time, position and velocity at its last frame or event.
         self.state: dict[int, tuple[float, Array, Array]] = {}
-
-    def name(self, body: int) -> str:
-        called = self.run.species_names[self.run.species[body]]
-        return called if np.count_nonzero(self.run.species == self.run.species[body]) == 1 else f"{called} {body}"
-
-    def moves(self, wall: int) -> bool:
-        """Whether a wall moves: its velocity is not in the log."""
-        called = self.run.wall_names[wall]
-        of = next((one for one in self.run.scene.get("wall", ()) if one.get("name") == called), {})
-        return any(key in of for key in ("motion", "rotation", "mass")) or any(of.get("velocity", ()))
 
     def _at(self, body: int, time: float) -> tuple[Array, Array]:
         """Position and velocity of a body before what happens at a time."""

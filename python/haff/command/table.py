@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,9 @@ if TYPE_CHECKING:
     from ..reader import File
 
 DIGITS = 6
-FORMATS = ("markdown", "csv", "latex")
+FORMATS = {"markdown": "pipe", "csv": "", "latex": "latex"}
+"""Formats, and what tabulate calls them."""
+ENDINGS = {".csv": "csv", ".tex": "latex"}
 
 
 def write(file: File, output: Path | None, to: str | None, *, overwrite: bool = False) -> str | None:
@@ -28,18 +29,11 @@ def write(file: File, output: Path | None, to: str | None, *, overwrite: bool = 
     CSV has all columns and digits; the others six digits, without components that are 0 throughout.
     """
     if to is None:
-        to = {".csv": "csv", ".tex": "latex", ".md": "markdown"}.get(
-            "" if output is None else output.suffix, "markdown"
-        )
+        to = ENDINGS.get("" if output is None else output.suffix, "markdown")
     if to not in FORMATS:
         raise ArgumentError(f"to = {quoted(to)}: must be one of {', '.join(FORMATS)}")
     table = impacts(file)
-    writers: dict[str, Callable[[pd.DataFrame], str]] = {
-        "csv": lambda found: found.to_csv(index=False),
-        "markdown": _markdown,
-        "latex": _latex,
-    }
-    text = writers[to](table)
+    text = table.to_csv(index=False) if to == "csv" else _rounded(table, FORMATS[to])
     if output is None:
         return text
     with replacing(output, source=file.path, overwrite=overwrite) as part:
@@ -47,32 +41,22 @@ def write(file: File, output: Path | None, to: str | None, *, overwrite: bool = 
     return None
 
 
-def _cells(table: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows as text, without velocities that are 0 or unknown throughout."""
+def _rounded(table: pd.DataFrame, form: str) -> str:
+    """The table without velocities that are 0 or unknown throughout."""
+    from tabulate import tabulate
+
     empty = [
         name
         for name in table
         if name.endswith(("_x", "_y", "_z")) and not np.any(np.nan_to_num(table[name].to_numpy(float)))
     ]
     shown = table.drop(columns=empty)
-    rows = [
-        [value if isinstance(value, str) else "–" if np.isnan(value) else f"{value:.{DIGITS}g}" for value in row]
-        for row in shown.itertuples(index=False)
-    ]
-    return [str(name).replace("_", " ") for name in shown], rows
 
+    def cell(value: str | float) -> str:
+        if isinstance(value, str):
+            return value.replace("|", "\\|") if form == "pipe" else value
+        return "" if np.isnan(value) else f"{value:.{DIGITS}g}"
 
-def _markdown(table: pd.DataFrame) -> str:
-    names, rows = _cells(table)
-    rows = [[cell.replace("|", "\\|") for cell in row] for row in rows]
-    widths = [max(map(len, column)) for column in zip(names, *rows)]
-    lines = [names, ["-" * width for width in widths], *rows]
-    return "".join(f"| {' | '.join(map(str.ljust, line, widths))} |\n" for line in lines)
-
-
-def _latex(table: pd.DataFrame) -> str:
-    names, rows = _cells(table)
-    marks = str.maketrans({mark: f"\\{mark}" for mark in "&%$#_{}"} | {"–": "--"})
-    lines = [" & ".join(cell.translate(marks) for cell in row) + r" \\" for row in (names, *rows)]
-    head = f"\\begin{{tabular}}{{{'r' * len(names)}}}\n\\hline\n{lines[0]}\n\\hline\n"
-    return head + "\n".join(lines[1:]) + "\n\\hline\n\\end{tabular}\n"
+    rows = [[cell(value) for value in row] for row in shown.itertuples(index=False)]
+    headers = [str(name).replace("_", " ") for name in shown]
+    return tabulate(rows, headers, form, disable_numparse=True) + "\n"

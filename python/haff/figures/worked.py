@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from .. import mechanics
 from ..analysis import conditions, experiment
+from ..analysis.experiment import body_name
 from ..errors import NotApplicableError
 from ..files.scene import shaped_walls
-from .trajectories import body_name
 
 if TYPE_CHECKING:
     from ..files.recording import Recording
