@@ -260,6 +260,7 @@ class Packing(ReadOnly):
         output: str | os.PathLike[str] | None = None,
         *,
         overwrite: bool = False,
+        title: bool = True,
         tolerance: float | None = None,
     ) -> Figure:
         """Draws contacts as lines, and rattlers in another color; in three dimensions those of a layer.
@@ -270,10 +271,12 @@ class Packing(ReadOnly):
             The picture to write, ``.png``, ``.pdf`` or ``.svg``; by default none.
         overwrite
             Whether an existing picture is replaced.
+        title
+            Whether the figure has its title.
         tolerance
             As for :meth:`contact_network`.
         """
-        return self.file.plot("contacts", output, overwrite=overwrite, tolerance=tolerance)
+        return self.file.plot("contacts", output, overwrite=overwrite, title=title, tolerance=tolerance)
 
     def scene(self, **overrides: Any) -> dict[str, Any]:
         """A scene that starts from the packing, for :func:`haff.run` and :func:`haff.save_scene`.

@@ -68,13 +68,13 @@ def test_pressure_tensor_has_the_trace_of_the_pressure_and_its_parts_add_up(flui
     assert table["pressure_tensor_kinetic_xx"].mean() == pytest.approx(500 / fluid.box.volume, rel=0.01)
     data = fluid.to_xarray()
     assert data["pressure_tensor"].dims == ("time", "row", "column")
-    assert data["pressure_tensor"].attrs["units"] == "energy/length^d"
+    assert data["pressure_tensor"].attrs["units"] == "energy/length^3"
 
 
 def test_profiles_have_units_and_sum_to_the_number_of_particles(fluid):
     profile = fluid.profiles["z"]
     assert dict(profile.sizes) == {"time": 30, "z": 12, "component": 3, "row": 3, "column": 3}
-    assert profile["density"].attrs["units"] == "1/length^d" and profile["z"].attrs["units"] == "length"
+    assert profile["density"].attrs["units"] == "1/length^3" and profile["z"].attrs["units"] == "length"
     cell = fluid.box.volume / 12
     np.testing.assert_allclose(profile["density"].sum("z") * cell, 500, rtol=1e-12)
     grid = fluid.profiles["xy"]

@@ -358,12 +358,12 @@ def test_lines_behind_particles_are_hidden_by_them():
     assert picture.depth.shape == picture.rgba.shape[:2]
     # At the height 0.5 the sphere is nearer than x² + z² = 1, |x| < 0.866.
     line = np.array([[-2.0, 0, 0.5], [2.0, 0, 0.5]])
-    parts = walls._in_front(walls._fine(line, 0.01), picture)
+    parts = walls.in_front(walls.fine(line, 0.01), picture)
     assert len(parts) == 2
     ends = np.sort([part[[0, -1], 0] for part in parts], axis=None)
     assert np.allclose(ends, [-1, -math.sqrt(0.75), math.sqrt(0.75), 1], atol=0.03)
     up = np.array([0, 0, 1.0])
-    assert walls._in_front(line + up, picture) and not walls._in_front(line - 2 * up, picture)
+    assert walls.in_front(line + up, picture) and not walls.in_front(line - 2 * up, picture)
 
 
 @pytest.mark.parametrize("d", [2, 3])

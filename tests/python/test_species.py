@@ -47,7 +47,7 @@ def test_profiles_have_fields_of_species_that_add_up(run):
     profile = run.profiles["z"]
     assert list(profile.species.to_numpy()) == ["grain", "dust"]
     assert profile.species_pressure.dims == ("time", "species", "z", "row", "column")
-    assert profile.species_density.attrs["units"] == "1/length^d"
+    assert profile.species_density.attrs["units"] == "1/length^3"
     for field in ("density", "mass_density", "pressure"):
         total = profile[f"species_{field}"].sum("species")
         assert np.allclose(total, profile[field], rtol=1e-12, atol=1e-13)

@@ -65,6 +65,7 @@ def _add_plot(commands) -> None:
         metavar="I",
         help="frame of figures of frames (default: the last, or several that the figure names)",
     )
+    plot.add_argument("--no-title", dest="title", action="store_false", help="figures without titles, for papers")
     plot.add_argument("--show", action="store_true", help="shows the figures on the screen, too")
     plot.add_argument("--movie", type=Path, metavar="OUT", help="draws a movie instead: OUT.mp4 or OUT.gif")
     _add_frames(plot, "of the movie; ")
@@ -275,7 +276,8 @@ def _plot(options: argparse.Namespace) -> int:
         if options.frame is not None and options.kind and not set(options.kind) & set(figures.OF_FRAMES):
             return _fail(f"--frame: goes with the figures {', '.join(figures.OF_FRAMES)}", status=2)
         kinds = options.kind or [name for name, kind in figures.KINDS.items() if kind.standard]
-        results = figures.save_all(file, kinds, directory, options.format, options.frame, overwrite=options.overwrite)
+        how = {"overwrite": options.overwrite, "title": options.title}
+        results = figures.save_all(file, kinds, directory, options.format, options.frame, **how)
         for result in results:
             if result.path is not None:
                 print(escaped(result.path))
@@ -284,7 +286,7 @@ def _plot(options: argparse.Namespace) -> int:
                 print(f"skipped {result.kind}: {escaped(result.reason)}", file=sys.stderr)
         drawn = [result for result in results if result.path is not None]
         if options.show:
-            _show(drawn, file, options.frame)
+            _show(drawn, file, options)
     missing = [result for result in results if result.path is None]
     if options.kind and missing:
         return 2
@@ -298,9 +300,8 @@ def _movie(options: argparse.Namespace) -> int:
 
     notes: list[str] = []
     with reader.open(options.file) as file:
-        path = movie.save(
-            file, options.movie, frames=options.frames, fps=options.fps, overwrite=options.overwrite, notes=notes
-        )
+        how = {name: getattr(options, name) for name in ("frames", "fps", "overwrite", "title")}
+        path = movie.save(file, options.movie, notes=notes, **how)
     _tell(notes)
     print(escaped(path))
     return 0
@@ -311,7 +312,7 @@ def _tell(notes: list[str]) -> None:
         print(f"haff: {escaped(note)}", file=sys.stderr)
 
 
-def _show(drawn, file, frame: int | None) -> None:
+def _show(drawn, file, options: argparse.Namespace) -> None:
     """Opens windows with the figures, where there is a screen."""
     import matplotlib.pyplot as plt
 
@@ -321,7 +322,7 @@ def _show(drawn, file, frame: int | None) -> None:
         print("no screen to show the figures on", file=sys.stderr)
         return
     for result in drawn:
-        figure = figures.draw(file, result.kind, **figures.of_frame(result.kind, frame))
+        figure = figures.draw(file, result.kind, title=options.title, **figures.of_frame(result.kind, options.frame))
         canvas = plt.figure().canvas
         canvas.figure = figure
         figure.set_canvas(canvas)

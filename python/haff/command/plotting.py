@@ -20,6 +20,7 @@ def plot(
     output: str | os.PathLike[str] | None = None,
     *,
     overwrite: bool = False,
+    title: bool = True,
     **options: object,
 ) -> Figure:
     """Draws one standard figure of a file, which notebooks show; writes it if ``output`` is given.
@@ -34,6 +35,8 @@ def plot(
         The picture to write, ``.png``, ``.pdf`` or ``.svg``; by default none.
     overwrite
         Whether an existing picture is replaced.
+    title
+        Whether the figure has its title and the line of facts below it.
     options
         ``index``: the frame of a figure of frames (:data:`haff.figures.OF_FRAMES`). Figures of one frame are by default
         of the last, others of several.
@@ -55,7 +58,7 @@ def plot(
     """
     opened = source_of(source)
     if isinstance(opened, File):
-        return figures.plot(opened, kind, output, overwrite=overwrite, **options)
+        return figures.plot(opened, kind, output, overwrite=overwrite, title=title, **options)
     figures.check_picture(output, overwrite)
     with File(opened) as file:
-        return figures.plot(file, kind, output, overwrite=overwrite, **options)
+        return figures.plot(file, kind, output, overwrite=overwrite, title=title, **options)

@@ -86,7 +86,9 @@ KINDS: dict[str, Kind] = {
         standard=False,
     ),
     "structure_history": Kind(
-        _from("waves"), "static structure factor against time: its peak, and the length of its waves", standard=False
+        _from("structure_history"),
+        "static structure factor against time: its peak, and the length of its waves",
+        standard=False,
     ),
     "structure_factor": Kind(_from("scattering"), "static structure factor S(k) with its error", standard=False),
     "contacts": Kind(
@@ -117,13 +119,15 @@ class Result(NamedTuple):
     """Why it was skipped."""
 
 
-def draw(file: Recording, kind: str, **options: object) -> Figure:
+def draw(file: Recording, kind: str, *, title: bool = True, **options: object) -> Figure:
     """Draws one standard figure.
 
     Parameters
     ----------
     kind
         A key of :data:`KINDS`.
+    title
+        Whether the figure has its title and the line of facts below it.
     options
         ``index``: the frame of a figure of frames (:data:`OF_FRAMES`). Figures of one frame are by default
         of the last, others of several.
@@ -135,20 +139,20 @@ def draw(file: Recording, kind: str, **options: object) -> Figure:
     """
     from .style import style
 
-    figure = _drawn(file, kind, **options)
+    figure = _drawn(file, kind, title=title, **options)
     with style(), computing(file.path, f"figure {kind}"):
         # Lay out here: figures are also saved outside of this style's context.
         figure.draw_without_rendering()
     return figure
 
 
-def _drawn(file: Recording, kind: str, **options: object) -> Figure:
+def _drawn(file: Recording, kind: str, *, title: bool, **options: object) -> Figure:
     """As :func:`draw`, but not laid out."""
     from .style import style
 
     if not isinstance(kind, str) or kind not in KINDS:
         raise ArgumentError(f"kind = {quoted(kind)}: no such figure; there are {', '.join(KINDS)}")
-    with style(), computing(file.path, f"figure {kind}"):
+    with style(title=arguments.flag("title", title)), computing(file.path, f"figure {kind}"):
         return KINDS[kind].draw(file, **options)
 
 
@@ -174,13 +178,14 @@ def plot(
     output: str | os.PathLike[str] | None = None,
     *,
     overwrite: bool = False,
+    title: bool = True,
     **options: object,
 ) -> Figure:
     """Draws one standard figure of an open file, as :func:`haff.plot`; writes it if ``output`` is given."""
     path = check_picture(output, overwrite)
     if path is not None:
         require_free(path, source=file.path, overwrite=overwrite)
-    figure = draw(file, kind, **options)
+    figure = draw(file, kind, title=title, **options)
     if path is not None:
         _save(file, figure, kind, path, overwrite)
     # IPython shows figures without it only after %matplotlib or an import of pyplot.
@@ -206,6 +211,7 @@ def save_all(
     frame: int | None = None,
     *,
     overwrite: bool = False,
+    title: bool = True,
 ) -> list[Result]:
     """Draws figures into files ``STEM-KIND.EXTENSION``; those that do not apply are skipped, with the reason.
 
@@ -219,7 +225,7 @@ def save_all(
     results = []
     for kind, path in paths.items():
         try:
-            figure = _drawn(file, kind, **of_frame(kind, frame))
+            figure = _drawn(file, kind, title=title, **of_frame(kind, frame))
         except (NotApplicableError, MissingDataError) as error:
             results.append(Result(kind, None, str(error).removeprefix(f"{escaped(file.path)}: ")))
             continue

@@ -47,8 +47,8 @@ def draw(file: Recording) -> Figure:
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, names):
         _panel(axes, table["time"], table[name], means.loc[name])
-        unit = file.stored.attribute(f"observables/{name}", "unit")
-        unit = f"\n[{label(unit)}]" if isinstance(unit, str) and unit != "1" else ""
+        unit = samples.unit_of(file, name)
+        unit = f"\n[{label(unit)}]" if unit not in (None, "1") else ""
         axes.set_ylabel(label(name.replace("_", " ")) + unit, fontsize=8)
     panels[-1].set_xlabel("simulated time $t$  [scene’s unit of time]")
     headline(figure, "Means ± standard errors of the stationary parts", sampled(file, table["time"]))

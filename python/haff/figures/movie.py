@@ -39,6 +39,7 @@ def save(
     frames: str | slice | int | None = None,
     fps: float = 25.0,
     overwrite: bool = False,
+    title: bool = True,
     notes: list[str] | None = None,
 ) -> Path:
     """Writes a movie, one picture a frame, all of the same region; returns its path.
@@ -51,6 +52,8 @@ def save(
         The frames to draw, ``"start:stop:step"`` or a slice; all by default.
     fps
         Pictures a second.
+    title
+        Whether the pictures have a title, with the time.
     notes
         A list to which messages are appended: what was left out, and why.
     """
@@ -70,16 +73,16 @@ def save(
         scenery = shapes.find(file, extent(chosen), float(chosen.time[0]), float(chosen.time[-1]))
         if notes is not None:
             notes += scenery.missing
-        wrong = writers[target.suffix](_pictures(file, chosen, scenery.room), part, fps)
+        wrong = writers[target.suffix](_pictures(file, chosen, scenery.room, title), part, fps)
         if wrong:
             raise FileError(f"{target}: {wrong}")
     return target
 
 
-def _pictures(file: Recording, frames: Frames, room: Extent) -> Iterator[np.ndarray]:
+def _pictures(file: Recording, frames: Frames, room: Extent, title: bool) -> Iterator[np.ndarray]:
     """``[H, W, 3]`` pictures, of even height and width, as video codecs require."""
     for frame in frames:
-        with style(), computing(file.path, "movie"):
+        with style(title=title), computing(file.path, "movie"):
             figure = snapshot.draw(file, frame.index, room=room, pixels=PIXELS)
             figure.set_dpi(DPI)
             canvas = FigureCanvasAgg(figure)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..files import pistons
+from ..files import joints, pistons
 from ..files.container import scaled
 from ..files.extent import Extent
 from ..files.layout import Array
@@ -56,13 +56,13 @@ class Scenery(NamedTuple):
 
     shapes: list[Shape]
     room: Extent
-    """The region with these walls in it."""
+    """The region with these walls and the fixed ends of joints in it."""
     missing: list[str]
     """Notes: which walls are not drawn, and why."""
 
 
 def find(file: Recording, room: Extent, start: float, end: float | None = None, *, planes: bool = False) -> Scenery:
-    """The walls at the time ``start``, and the region with them.
+    """The walls at the time ``start``, and the region with them, and with the fixed ends of joints.
 
     Parameters
     ----------
@@ -104,6 +104,9 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
                 low = np.maximum(low, room.origin - FARTHEST * reach)
                 high = np.minimum(high, room.origin + room.size + FARTHEST * reach)
             grown = _with(grown, low, high, d)
+    fixed = joints.anchors(joints.find(file))
+    if len(fixed):
+        grown = _with(grown, fixed.min(axis=0), fixed.max(axis=0), d)
     return Scenery([found[k] for k in sorted(found)], grown, missing)
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from .. import analysis
 from ..files.extent import Extent, extent
 from ..files.frames import Frame
-from . import shapes, walls
+from . import joints, shapes, walls
 from .facts import facts
 from .of_a_frame import chosen, disks
 from .render import Camera, Picture, spheres
@@ -49,10 +49,12 @@ def draw(file: Recording, index: int = -1, *, room: Extent | None = None, pixels
     if file.dimension == 2:
         disks(axes, frame, (low, high), color, edge="#222222", style="-" if bound[:2].all() else ":")
         walls.draw_flat(axes, scenery.shapes, frame.time)
+        joints.draw_flat(axes, frame)
     else:
         camera = Camera.looking()
         picture = _spheres(frame, axes, color, view, camera, pixels)
         walls.draw_solid(axes, scenery.shapes, frame.time, camera, picture)
+        joints.draw_solid(axes, frame, camera, picture)
     walls.tell_missing(axes, scenery)
     if scale is not None:
         bar = figure.colorbar(scale, ax=axes, shrink=0.72, aspect=28, pad=0.02)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import matplotlib as mpl
 from cycler import cycler
@@ -54,15 +55,24 @@ _RC = {
 }
 
 
+_TITLED: ContextVar[bool] = ContextVar("titled", default=True)
+
+
 @contextmanager
-def style() -> Iterator[None]:
-    """Matplotlib settings of all figures, for the time of a ``with`` block."""
-    with mpl.rc_context(_RC):
-        yield
+def style(*, title: bool = True) -> Iterator[None]:
+    """Matplotlib settings of all figures, and whether they get titles, for the time of a ``with`` block."""
+    before = _TITLED.set(title)
+    try:
+        with mpl.rc_context(_RC):
+            yield
+    finally:
+        _TITLED.reset(before)
 
 
 def headline(figure: Figure, title: str, subtitle: str) -> None:
-    """Title and a smaller line of facts, left-aligned above all panels."""
+    """Title and a smaller line of facts, left-aligned above all panels; nothing where figures have no titles."""
+    if not _TITLED.get():
+        return
     # Not a suptitle: the layout engine would reserve space for that alone, and notebooks would cut the second line off.
     height = figure.get_figheight()
     figure.text(0.02, 1 - 0.08 / height, title, ha="left", va="top", fontsize=12, fontweight="bold")

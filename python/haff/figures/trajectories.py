@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..analysis import experiment
+from ..analysis.experiment import body_name
 from ..errors import NotApplicableError
 from ..files.events import PAIRS
 from ..files.extent import Extent
@@ -69,9 +70,7 @@ def flights(file: Recording) -> list[Path]:
         # Paths are followed out of the box, where the flow is faster.
         rows = frames.array("image")[..., shear.gradient]
         v[..., shear.flow] += rows * (shear.rate * file.box.size[shear.gradient])
-    gravity = np.zeros(3)
-    pull = file.scene.get("domain", {}).get("gravity", ())
-    gravity[: len(pull)] = pull
+    gravity = experiment.gravity(file)
     log = None
     if "events" in file and not file.scene.get("drive") and len(file.events) <= 50 * MOST_MARKS:
         events = file.events
@@ -151,6 +150,35 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
     return Path(np.concatenate(times), np.concatenate(points), own, at)
 
 
+def _spins(file: Recording, path: Path, body: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times ``[M]`` and angular velocities ``[M, 3]`` of a body, with their jumps in contacts of rough bodies.
+
+    A body flies at a constant spin; what changes it otherwise, such as sliding, is joined by straight lines.
+    """
+    frames, inertia = file.frames, file.inertia
+    t, spin = frames.time, frames.array("angular_velocity")[:, body]
+    log, columns = {}, ("time", "kind", "impulse_vector", "normal")
+    if "events" in file and len(path.hits) <= MOST_MARKS and set(columns) <= set(file.events.columns):
+        log = {name: file.events[name][path.hits] for name in columns}
+        impact = np.isin([file.events.kinds.get(int(k), "") for k in log["kind"]], ("collision", "wall"))
+        log = {name: values[impact] for name, values in log.items()}
+    times, values = [t[0]], [spin[0]]
+    for k in range(len(t) - 1):
+        now = spin[k]
+        for row in np.flatnonzero((log["time"] > t[k]) & (log["time"] <= t[k + 1])) if log else ():
+            times.append(log["time"][row])
+            values.append(now)
+            # The normal is that of the first body, the impulse acts on the second.
+            now = now - np.cross(log["normal"][row], log["impulse_vector"][row]) / (
+                inertia[body] * file.mass[body] * file.radius[body]
+            )
+            times.append(log["time"][row])
+            values.append(now)
+        times.append(t[k + 1])
+        values.append(spin[k + 1])
+    return np.array(times), np.array(values)
+
+
 def _arc(s: np.ndarray, step: float, x: np.ndarray, v: np.ndarray) -> np.ndarray:
     """``[M, 3]`` places on the cubic with two states, ``[2, 3]`` each, at the fractions ``s`` ``[M, 1]`` of a step."""
     arc = ((1 + 2 * s) * (1 - s) ** 2) * x[0] + (s * (1 - s) ** 2) * step * v[0]
@@ -165,10 +193,11 @@ def _moving_axes(file: Recording, paths: list[Path]) -> list[int]:
     return active
 
 
-def body_name(file: Recording, body: int) -> str:
-    """Name of a body, with its row where several share one."""
-    name = file.species_names[file.species[body]]
-    return name if np.count_nonzero(file.species == file.species[body]) == 1 else f"{name} {body}"
+def _turning(file: Recording) -> list[int]:
+    """The components of angular velocities that are not zero throughout."""
+    if file.inertia is None:
+        return []
+    return [int(c) for c in np.flatnonzero(np.any(file.frames.array("angular_velocity") != 0, axis=(0, 1)))]
 
 
 def _subtitle(file: Recording) -> str:
@@ -182,11 +211,13 @@ def _subtitle(file: Recording) -> str:
 
 
 def draw(file: Recording) -> Figure:
-    """Every coordinate that changes, against time, with a mark at each event."""
+    """Every coordinate and component of the spin that changes, against time, with a mark at each event."""
     paths = flights(file)
     active = _moving_axes(file, paths)
-    figure = Figure(figsize=(6.8, 1.4 + 2.4 * len(active) if len(active) > 1 else 4.4), layout="constrained")
-    panels = figure.subplots(len(active), 1, sharex=True, squeeze=False)[:, 0]
+    turning = _turning(file)
+    rows = len(active) + len(turning)
+    figure = Figure(figsize=(6.8, 1.4 + 2.4 * rows if rows > 1 else 4.4), layout="constrained")
+    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     few = len(paths) <= 7
     names = np.array([file.events.kinds.get(int(k), "") for k in file.events["kind"]]) if "events" in file else None
     used: set[str] = set()
@@ -206,9 +237,15 @@ def draw(file: Recording) -> Figure:
                     axes.plot(when, where, mark, ms=size, mfc="white", mec=color, mew=0.9, zorder=3)
         axes.set_ylabel(f"{'xyz'[coordinate]} of the centre  [length]")
         axes.margins(x=0.01, y=0.08)
+    for body, path in enumerate(paths if turning else ()):
+        when, spin = _spins(file, path, body)
+        for axes, component in zip(panels[len(active) :], turning):
+            axes.plot(when, spin[:, component], color=CYCLE[body % len(CYCLE)], lw=1.3 if few else 0.9, zorder=2)
+            axes.set_ylabel(f"spin $\\omega_{'xyz'[component]}$  [1/time]")
+            axes.margins(x=0.01, y=0.08)
     floor = _clearance(file, active)
     if floor is not None:
-        panels[-1].axhline(floor, color=GREY, lw=1, ls=":", zorder=1)
+        panels[len(active) - 1].axhline(floor, color=GREY, lw=1, ls=":", zorder=1)
     panels[-1].set_xlabel("simulated time $t$  [scene’s unit of time]")
     bodies = panels[0].get_legend_handles_labels()
     handles = list(bodies[0]) if few and len(paths) > 1 else []
@@ -252,7 +289,12 @@ def draw_paths(file: Recording) -> Figure:
         color = CYCLE[body % len(CYCLE)]
         track = path.position[:, [a, b]]
         axes.plot(
-            *track.T, color=color, lw=1.0 if few else 0.8, alpha=0.9, zorder=2, label=label(body_name(file, body))
+            *track.T,
+            color=color,
+            lw=1.0 if few else 0.8,
+            alpha=0.9,
+            zorder=2,
+            label=label(body_name(file, body)),
         )
         radius = file.radius[body]
         for centre, filled in ((track[0], False), (track[-1], True)):
@@ -275,14 +317,15 @@ def draw_paths(file: Recording) -> Figure:
 
 
 def _region(file: Recording, paths: list[Path], shown: tuple[int, int]) -> tuple[Extent, shapes.Scenery]:
-    """The region of the paths, and the walls that are no planes at their end; none if the motion is in space."""
+    """The region of the paths, and the walls at their end; none if the motion is in space."""
     points, radius = np.concatenate([path.position for path in paths]), float(file.radius.max())
-    low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
+    margin = radius + 0.08 * float(np.ptp(points, axis=0).max())
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     room = Extent(low, high - low, np.zeros(3, bool))
     across = 3 - sum(shown)
     if file.dimension == 3 and np.ptp(points[:, across]) > 1e-6 * np.ptp(points, axis=0).max():
         return room, shapes.Scenery([], room, [])
-    scenery = shapes.find(file, room, float(file.frames.time[-1]))
+    scenery = shapes.find(file, room, float(file.frames.time[-1]), planes=True)
     return scenery.room, scenery
 
 

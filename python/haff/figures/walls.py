@@ -53,7 +53,7 @@ def draw_solid(axes: Axes, shapes: list[Shape], time: float, camera: Camera, pic
             # Below the picture of the particles, and again above those that are behind.
             options = {"colors": WALL, "linewidths": width, "linestyles": style, "alpha": opacity}
             axes.add_collection(LineCollection([at[:, :2] for at in seen], zorder=1, **options), autolim=False)
-            front = [part for at in seen for part in _in_front(_fine(at, piece), picture)]
+            front = [part for at in seen for part in in_front(fine(at, piece), picture)]
             axes.add_collection(LineCollection(front, zorder=3, **options), autolim=False)
 
 
@@ -93,14 +93,14 @@ def _edges(shape: Shape) -> list[Array]:
     return [np.stack([corner(a), corner(a | 1 << k)]) for a in range(8) for k in range(3) if not a >> k & 1]
 
 
-def _fine(line: Array, piece: float) -> Array:
+def fine(line: Array, piece: float) -> Array:
     """A line with points at most about ``piece`` apart."""
     steps = np.ceil(np.linalg.norm(np.diff(line[:, :2], axis=0), axis=1) / piece).clip(1, 10 * PIECES).astype(int)
     parts = [a + (b - a) * (np.arange(n) / n)[:, None] for a, b, n in zip(line, line[1:], steps)]
     return np.concatenate([*parts, line[-1:]])
 
 
-def _in_front(line: Array, picture: Picture) -> list[Array]:
+def in_front(line: Array, picture: Picture) -> list[Array]:
     """The parts ``[n, 2]`` of a line in coordinates of the camera, ``[N, 3]``, that are in front of particles."""
     left, right, bottom, top = picture.extent
     height, width = picture.depth.shape

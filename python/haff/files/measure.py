@@ -50,7 +50,7 @@ class Rows(NamedTuple):
 
 def profiles(file: Header) -> dict[str, xarray.Dataset]:
     """All profiles of a file, by the letters of their axes; see :attr:`haff.File.profiles`."""
-    return {name: profile(*rows) for name, rows in profile_rows(file).items()}
+    return {name: profile(file.dimension, *rows) for name, rows in profile_rows(file).items()}
 
 
 def profile_rows(file: Header) -> dict[str, Rows]:
@@ -111,8 +111,17 @@ def _shape(rank: int, dimension: int) -> tuple[int, ...]:
     return ((), (3,), (dimension, dimension))[rank]
 
 
+def in_dimension(unit: str, dimension: int) -> str:
+    """A unit with the dimension for its letter: ``1/length^d`` is ``1/length^2`` in two dimensions."""
+    return unit.replace("^2d", f"^{2 * dimension}").replace("^d", f"^{dimension}")
+
+
 def profile(
-    time: Array, centers: Mapping[str, Array], fields: Mapping[str, Array], species: Sequence[str] = ()
+    dimension: int,
+    time: Array,
+    centers: Mapping[str, Array],
+    fields: Mapping[str, Array],
+    species: Sequence[str] = (),
 ) -> xarray.Dataset:
     """Rows of one profile as a dataset with the dimensions ``time``, the axes, and those of vectors and tensors.
 
@@ -133,13 +142,14 @@ def profile(
         for dim, length in zip(dims, values.shape[values.ndim - rank :] if rank else ()):
             coords[dim] = list(AXES[:length])
         about += " of the species" if of_species else ""
-        variables[name] = (("time", *of_species, *centers, *dims), values, {"long_name": about, "units": unit})
+        attributes = {"long_name": about, "units": in_dimension(unit, dimension)}
+        variables[name] = (("time", *of_species, *centers, *dims), values, attributes)
     return xarray.Dataset(variables, coords)
 
 
 def correlations(file: Header) -> dict[str, xarray.Dataset]:
     """All correlations of a file, by name; see :attr:`haff.File.correlations`."""
-    return {name: correlation(name, columns) for name, columns in correlation_columns(file).items()}
+    return {name: correlation(file.dimension, name, columns) for name, columns in correlation_columns(file).items()}
 
 
 def correlation_columns(file: Header) -> dict[str, dict[str, Array]]:
@@ -183,11 +193,12 @@ def curves(columns: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
     }
 
 
-def correlation(name: str, columns: Mapping[str, Array]) -> xarray.Dataset:
+def correlation(dimension: int, name: str, columns: Mapping[str, Array]) -> xarray.Dataset:
     """A correlation as a dataset with the dimension ``lag``, and ``species`` if it has curves of species."""
     import xarray
 
     about, unit = _CORRELATIONS[name]
+    unit = in_dimension(unit, dimension)
     dims = ("lag", "species") if "species" in columns else ("lag",)
     variables = {
         "value": (dims, columns["value"], {"long_name": about, "units": unit}),

@@ -11,6 +11,7 @@ from ..errors import MissingDataError
 from ..text import brief, quoted
 from .column import Column, complete
 from .layout import AXES, Array, component, computing
+from .measure import in_dimension
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,12 +139,18 @@ def of_probes(file: Header) -> list[tuple[str, str, list[str]]]:
         return []
     for name, column in columns(file)[2].items():
         place = f"observables/{name}"
-        first, unit = stored.attribute(place, "probe"), stored.attribute(place, "unit")
+        first, unit = stored.attribute(place, "probe"), unit_of(file, name) or "1"
         if isinstance(first, int | np.integer):
             shape = column.width
             parts = [f"{name}_{component(c, shape[0])}" for c in range(shape[0])] if shape else [name]
-            found.append((int(first), name, unit if isinstance(unit, str) else "1", parts))
+            found.append((int(first), name, unit, parts))
     return [(name, unit, parts) for _, name, unit, parts in sorted(found)]
+
+
+def unit_of(file: Header, name: str) -> str | None:
+    """The unit of an observable, ``1`` if it has none; ``None`` if the file does not say it."""
+    unit = file.stored.attribute(f"observables/{name}", "unit")
+    return in_dimension(unit, file.dimension) if isinstance(unit, str) else None
 
 
 def table(samples: dict[str, Array]) -> pd.DataFrame:
@@ -182,8 +189,8 @@ def dataset(file: Header) -> xarray.Dataset:
         elif len(labels) == 2 and not any(labels[0] is known for _, known in _named(file)):
             dims = ["row", "column"]
         coords |= zip(dims, labels)
-        unit = file.stored.attribute(f"observables/{name}", "unit")
-        variables[name] = (("time", *dims), value, {"units": unit} if isinstance(unit, str) else {})
+        unit = unit_of(file, name)
+        variables[name] = (("time", *dims), value, {"units": unit} if unit else {})
     with computing(file.path, "xarray"):
         return xarray.Dataset(variables, coords, attrs={"title": file.title, "file": str(file.path)})
 

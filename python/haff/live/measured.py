@@ -69,8 +69,8 @@ class Measured:
         """The rows of ``measure.profiles`` since the last call, as :attr:`haff.File.profiles`."""
         found = {}
         for name, columns in self._core.take_profiles().items():
-            time, centers = columns.pop("time"), columns.pop("centers")
-            found[name] = measure.profile(time, centers, columns, self._named(columns.pop("species", ())))
+            time, centers, species = (columns.pop(key, ()) for key in ("time", "centers", "species"))
+            found[name] = measure.profile(self._core.dimension, time, centers, columns, self._named(species))
         return found
 
     @property
@@ -80,7 +80,7 @@ class Measured:
         for columns in found.values():
             if "species" in columns:
                 columns["species"] = np.array(self._named(columns["species"]), dtype=object)
-        return {name: measure.correlation(name, columns) for name, columns in found.items()}
+        return {name: measure.correlation(self._core.dimension, name, columns) for name, columns in found.items()}
 
     def _named(self, species: Iterable[int]) -> list[str]:
         """Names of species by their indices."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..errors import FileError
-from ..reader import File
+
+if TYPE_CHECKING:
+    from .layout import Array
+    from .recording import Recording
 
 
-def find(file: File) -> list[dict[str, Any]]:
+def find(file: Recording) -> list[dict[str, Any]]:
     """Each joint: ``kind`` (``string``, ``rod`` or ``spring``), its ends (a particle's row or a point), its length."""
     scene = file.scene
     explicit = scene.get("particle", [])
@@ -31,3 +36,8 @@ def find(file: File) -> list[dict[str, Any]]:
                 ends.append(point(joint["point"]))
             found.append({"kind": kind, "ends": ends, "length": joint.get("length")})
     return [joint for joint in found if len(joint["ends"]) == 2 and None not in joint["ends"]]
+
+
+def anchors(found: list[dict[str, Any]]) -> Array:
+    """``[A, 3]`` the ends of joints that are fixed points [length]."""
+    return np.array([end for joint in found for end in joint["ends"] if not isinstance(end, int)]).reshape(-1, 3)
