@@ -15,13 +15,14 @@ use crate::{
     },
 };
 
-/// Number of records of a schedule up to a time, including the first and the last.
-fn records(schedule: Schedule, until: f64) -> u64 {
-    if schedule == Schedule::Off || !until.is_finite() {
+/// Number of records of a schedule up to a time or a number of collisions, including the first and the last.
+fn records(schedule: Schedule, until: f64, collisions: f64) -> u64 {
+    if !until.is_finite() {
         return 2;
     }
     match schedule {
         Schedule::Off => 2,
+        Schedule::Collisions(count) => (collisions / count as f64) as u64 + 2,
         Schedule::Every(interval) => (until / interval).ceil() as u64 + 1,
         Schedule::Log { .. } => {
             let mut times = Times::after(schedule, 0.0);
@@ -99,20 +100,27 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     // Each collision involves two particles. For sizes of files a guess is enough.
     let guess = scene.collision_rate.is_finite().then(|| scene.collision_rate * particles as f64 / 2.0);
     let rate = guess.filter(|_| scene.rate_unknown.is_none());
-    // Expected simulated time of the run, at the initial collision rate.
-    let by_collisions = scene.run.collisions.map(|count| count as f64 / guess.unwrap_or(f64::NAN));
+    // Expected simulated time of the run.
+    let by_collisions =
+        scene.run.collisions.map(|count| estimate::duration(&scene, guess.unwrap_or(f64::NAN), count as f64));
     let until = scene.run.until.into_iter().chain(by_collisions).fold(f64::INFINITY, f64::min);
-    let samples = records(scene.output.observables, until) + records(scene.output.frames, until);
+    let collisions = estimate::collisions(&scene, guess.unwrap_or(0.0), until);
+    let [samples, frames] = [scene.output.observables, scene.output.frames]
+        .map(|schedule| records(schedule, until, collisions.count));
+    // Each frame has a row of observables at its time, which is often that of another row.
+    let shared = match (scene.output.observables, scene.output.frames) {
+        (Schedule::Every(rows), Schedule::Every(frames)) => (frames / rows).fract() == 0.0,
+        _ => false,
+    };
+    let samples = if shared { samples } else { samples + frames };
+    let by_rate = !scene.output.events.is_empty() || scene.run.until.is_none();
+    let guessed = collisions.guessed && by_rate;
     let size = scene.output.file.as_ref().map(|_| {
         haff_record::estimate_file_size(&FileSize {
             particles: all as u64,
-            frames: if scene.output.frames == Schedule::Off {
-                0
-            } else {
-                records(scene.output.frames, until)
-            },
+            frames: if scene.output.frames == Schedule::Off { 0 } else { frames },
             samples,
-            events: (guess.unwrap_or(0.0) * until) as u64,
+            events: collisions.count as u64,
             columns: &scene.output.events,
             compressed: scene.output.compressed,
             dimension: axes,
@@ -186,7 +194,8 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     text.push(format!("memory              about {}", bytes(memory)));
     text.push(match (&scene.output.file, size) {
         (Some(file), Some(size)) => {
-            format!("output              {}, about {}", output::path(file), bytes(size))
+            let at_rate = if guessed { ", if the collision rate stays that of the start" } else { "" };
+            format!("output              {}, about {}{at_rate}", output::path(file), bytes(size))
         }
         _ => "output              no output file: results are not saved (output.file, or haff run -o)"
             .to_owned(),
@@ -204,7 +213,7 @@ mod tests {
 
     #[test]
     fn records_include_both_ends() {
-        assert_eq!(records(Schedule::Every(1.0), 10.0), 11);
-        assert_eq!(records(Schedule::Log { first: 1.0, factor: 2.0 }, 8.0), 5);
+        assert_eq!(records(Schedule::Every(1.0), 10.0, 0.0), 11);
+        assert_eq!(records(Schedule::Log { first: 1.0, factor: 2.0 }, 8.0, 0.0), 5);
     }
 }

@@ -16,6 +16,39 @@ pub fn memory(particles: usize) -> u64 {
     particles as u64 * 250 + (12 << 20)
 }
 
+/// The collisions of a run until a time, at a rate \[1/time\] at the start.
+pub struct Collisions {
+    pub count: f64,
+    /// Whether the rate changes in a way that is not known, so that it is taken to be that of the start.
+    pub guessed: bool,
+}
+
+/// Collisions until a time. While a gas cools by Haff's law, dT/dt = −ζT with ζ = (1 − e²)ω/d and ω ∝ √T, the
+/// rate falls by 1/(1 + ζ₀t/2).
+pub fn collisions(scene: &Scene, rate: f64, until: f64) -> Collisions {
+    let system = &scene.system;
+    match cooling_rate(scene, rate) {
+        None => Collisions { count: rate * until, guessed: !system.contacts.are_elastic() },
+        Some(zeta) => {
+            Collisions { count: rate * (2.0 / zeta) * (0.5 * zeta * until).ln_1p(), guessed: false }
+        }
+    }
+}
+
+/// The time after which there have been so many collisions: the inverse of [`collisions`].
+pub fn duration(scene: &Scene, rate: f64, collisions: f64) -> f64 {
+    match cooling_rate(scene, rate) {
+        None => collisions / rate,
+        Some(zeta) => (0.5 * zeta * collisions / rate).exp_m1() * 2.0 / zeta,
+    }
+}
+
+/// ζ₀ of a gas that cools by Haff's law, with so many collisions a time at the start \[1/time\].
+fn cooling_rate(scene: &Scene, rate: f64) -> Option<f64> {
+    let of_a_particle = 2.0 * rate / scene.system.bodies.len() as f64;
+    Some(scene.cooling_loss()? * of_a_particle / scene.system.dimension.count() as f64)
+}
+
 /// Numbers that measurements add to a file until a time.
 pub fn measured(system: &System, samples: u64, until: f64) -> u64 {
     let (measure, d) = (&system.measure, system.dimension.count() as u64);

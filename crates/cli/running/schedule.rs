@@ -1,4 +1,4 @@
-//! Times of records: k·Δ, or a geometric series.
+//! Times of records: k·Δ, a geometric series, or numbers of collisions.
 
 use haff_scene::Schedule;
 
@@ -13,7 +13,7 @@ impl Times {
     /// The times of a schedule later than `after`.
     pub fn after(schedule: Schedule, after: f64) -> Self {
         let step = match schedule {
-            Schedule::Off => 0,
+            Schedule::Off | Schedule::Collisions(_) => 0,
             // An estimate, then corrected by single steps, since k·Δ rounds.
             Schedule::Every(interval) => ((after / interval).floor() - 1.0).max(1.0) as u64,
             Schedule::Log { first, factor } => {
@@ -34,9 +34,17 @@ impl Times {
     /// The next time, or ∞.
     pub fn next(&self) -> f64 {
         match self.schedule {
-            Schedule::Off => f64::INFINITY,
+            Schedule::Off | Schedule::Collisions(_) => f64::INFINITY,
             Schedule::Every(interval) => self.step as f64 * interval,
             Schedule::Log { first, factor } => first * factor.powi(self.step.min(i32::MAX as u64) as i32),
+        }
+    }
+
+    /// The number of collisions of the next record, after one with `done` of them.
+    pub fn collisions(&self, done: u64) -> u64 {
+        match self.schedule {
+            Schedule::Collisions(count) => (done / count + 1).saturating_mul(count),
+            _ => u64::MAX,
         }
     }
 
@@ -61,6 +69,14 @@ mod tests {
             assert_eq!(times.next(), f64::from(k) * 0.1);
             assert!(times.take(times.next()));
         }
+    }
+
+    #[test]
+    fn records_by_collisions_are_at_multiples() {
+        let times = Times::after(Schedule::Collisions(50), 0.0);
+        assert_eq!([0, 49, 50, 51, 120].map(|done| times.collisions(done)), [50, 50, 100, 100, 150]);
+        assert_eq!(times.next(), f64::INFINITY);
+        assert_eq!(Times::after(Schedule::Every(1.0), 0.0).collisions(3), u64::MAX);
     }
 
     #[test]

@@ -177,6 +177,15 @@ pub struct Recorded {
     pub sample: Option<f64>,
 }
 
+/// Records that a number of collisions asks for.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counted {
+    /// The instant after whose events they are due \[time\].
+    time: f64,
+    frame: bool,
+    sample: bool,
+}
+
 /// The inputs of a run.
 pub struct Session<'a> {
     pub simulation: AnySimulation,
@@ -258,6 +267,8 @@ impl Session<'_> {
         let collisions = self.run.collisions.unwrap_or(u64::MAX);
         let interval = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
         let mut slice = SLICE;
+        // Records for which there have been enough collisions: at the end of this instant.
+        let mut counted: Option<Counted> = None;
         let mut saved = Instant::now();
         let mut log = EventLog {
             recorder: self.recorder,
@@ -270,7 +281,13 @@ impl Session<'_> {
             let due = frames.next().min(samples.next()).min(checkpoints.next());
             let done = self.simulation.counters().collisions;
             let step = self.run.growth.map_or(u64::MAX, |growth| growth.next(done));
-            let target = Until { time: due.min(until), collisions: collisions.min(step), entries: slice };
+            let [frame_at, sample_at] = [frames.collisions(done), samples.collisions(done)];
+            let instant = counted.map_or(f64::INFINITY, |counted| counted.time);
+            let target = Until {
+                time: due.min(until).min(instant),
+                collisions: collisions.min(step).min(frame_at).min(sample_at),
+                entries: slice,
+            };
             let began = Instant::now();
             let stop = self.simulation.advance(target, &mut log);
             // The length of a slice does not affect results: it only sets the points where the run may stop.
@@ -287,15 +304,27 @@ impl Session<'_> {
                     break Ending::Collisions;
                 }
                 Ok(Stop::Collisions) => {
-                    let row = self.has_rows_of_growth();
-                    self.record(false, row, &mut |sample| show(&mut watch, &progress, sample))?;
-                    if let Some(ending) = self.grown() {
-                        break ending;
+                    let now = self.simulation.counters().collisions;
+                    if now >= frame_at || now >= sample_at {
+                        let before = counted.unwrap_or_default();
+                        counted = Some(Counted {
+                            time: self.simulation.time(),
+                            frame: before.frame || now >= frame_at,
+                            sample: before.sample || now >= sample_at,
+                        });
+                    }
+                    if now >= step {
+                        let row = self.has_rows_of_growth();
+                        self.record(false, row, &mut |sample| show(&mut watch, &progress, sample))?;
+                        if let Some(ending) = self.grown() {
+                            break ending;
+                        }
                     }
                 }
                 Ok(Stop::Time) => {
-                    let frame = frames.take(target.time);
-                    let sample = samples.take(target.time);
+                    let due = counted.take_if(|counted| counted.time <= target.time).unwrap_or_default();
+                    let frame = frames.take(target.time) || due.frame;
+                    let sample = samples.take(target.time) || due.sample;
                     let checkpoint = checkpoints.take(target.time);
                     if target.time >= until {
                         break self.run.until_of.into();
@@ -308,6 +337,10 @@ impl Session<'_> {
                     }
                 }
                 Ok(Stop::Slice) => {}
+            }
+            // A run that goes on from here would not know of these records.
+            if counted.is_some() {
+                continue;
             }
             if let Some(signal) = self.controls.signals.received() {
                 break Ending::Signal(signal);

@@ -26,6 +26,18 @@ const HEADER: [&str; 9] =
 pub(crate) type SlotHeader = [u64; HEADER.len()];
 /// Rows per chunk of data of variable length.
 const CHUNK: usize = 1024;
+/// Bytes of the chunks that each slot begins with, whatever it holds: of the names and values of scalars, and
+/// with an event log of its tail.
+pub(crate) struct SlotChunks {
+    pub names: u64,
+    pub tail: u64,
+    pub tail_tangential: u64,
+}
+pub(crate) const SLOT: SlotChunks = SlotChunks {
+    names: (CHUNK * (size_of::<Name>() + size_of::<u64>())) as u64,
+    tail: (CHUNK * size_of::<Row>()) as u64,
+    tail_tangential: (CHUNK * size_of::<Tangential>()) as u64,
+};
 /// Vectors written at a time.
 const VECTORS: usize = 1 << 15;
 

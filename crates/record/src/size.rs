@@ -2,7 +2,7 @@
 
 use haff_engine::{EventColumn, SceneFeatures, Sizes, observables};
 
-use crate::{datasets::frame_storage, events::EVENT_CHUNK};
+use crate::{checkpoint::SLOT, datasets::frame_storage, events::EVENT_CHUNK, series::SERIES_CHUNK};
 
 /// The amount of data that a run is going to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -31,6 +31,10 @@ pub struct FileSize<'a> {
 
 /// A double with a random mantissa, compressed [bytes].
 const PACKED: f64 = 6.95;
+/// The same in the vectors of disks: their third component, zero, stands between the others.
+const PACKED_FLAT: f64 = 10.2;
+/// Groups, headers and indices of a file \[bytes\].
+const GROUPS: u64 = 270_000;
 
 /// Bytes of an event row: measured if compressed, plus half a page lost for each chunk.
 fn event_row(column: EventColumn, size: &FileSize) -> f64 {
@@ -54,14 +58,21 @@ fn event_row(column: EventColumn, size: &FileSize) -> f64 {
 /// Expected size of a file [bytes], to about a tenth beyond a megabyte.
 pub fn estimate_file_size(size: &FileSize) -> u64 {
     let FileSize { particles, dimension, spin, frames, samples, events, measured, .. } = *size;
-    // Groups, headers and the first chunk of every small series.
-    let fixed = 250_000;
+    let recorded = !size.columns.is_empty();
+    let slot =
+        SLOT.names + if recorded { SLOT.tail + if spin { SLOT.tail_tangential } else { 0 } } else { 0 };
+    let fixed = GROUPS + 2 * slot;
     // id, species, mass, radius; two checkpoint slots of 76 bytes. With spin, inertia and 24 bytes more.
     let per_particle = 4 + 4 + 8 + 8 + 2 * 76 + if spin { 8 + 2 * 24 } else { 0 };
-    let compressed = frame_storage(particles as usize, size.compressed).compressed;
+    let storage = frame_storage(particles as usize, size.compressed);
+    let compressed = storage.compressed;
+    let component = if dimension == 2 { PACKED_FLAT } else { PACKED };
     // Images, small numbers, shrink to about 3 bytes.
-    let vectors = if compressed { 2.0 * dimension as f64 * PACKED + 3.0 } else { 24.0 + 24.0 + 12.0 };
+    let vectors = if compressed { 2.0 * dimension as f64 * component + 3.0 } else { 24.0 + 24.0 + 12.0 };
     let axes = if dimension == 2 { 1.0 } else { 3.0 };
+    // Uncompressed chunks are whole.
+    let whole = |rows: u64, chunk: usize| rows.next_multiple_of(chunk as u64);
+    let frame_rows = if compressed { frames } else { whole(frames, storage.chunk[0]) };
     let spins = match (spin, compressed) {
         (false, _) => 0.0,
         (true, true) => axes * PACKED,
@@ -84,13 +95,12 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
         .map(|observable| 8 * observable.quantity.shape(sizes).iter().product::<usize>() as u64)
         .sum::<u64>();
     let event: f64 = size.columns.iter().map(|&column| event_row(column, size)).sum();
-    // Uncompressed chunks are whole.
-    let rows = if size.compressed { events } else { events.next_multiple_of(EVENT_CHUNK as u64) };
+    let rows = if size.compressed { events } else { whole(events, EVENT_CHUNK) };
     [
         particles.saturating_mul(per_particle),
-        frames.saturating_mul(per_frame),
-        (frames as f64 * particles as f64 * (vectors + spins)) as u64,
-        samples.saturating_mul(per_sample),
+        whole(frames, SERIES_CHUNK).saturating_mul(per_frame),
+        (frame_rows as f64 * particles as f64 * (vectors + spins)) as u64,
+        whole(samples, SERIES_CHUNK).saturating_mul(per_sample),
         measured.saturating_mul(8),
         (rows as f64 * event) as u64,
     ]

@@ -9,13 +9,16 @@ use super::Assembler;
 use super::flow;
 use super::values::{SMALLEST, at, positive, storable};
 use crate::config::{
-    CompressionConfig, EventColumnConfig, EventsConfig, LogConfig, OutputConfig, OutputFileConfig,
-    ScheduleConfig, WallTimeConfig,
+    CompressionConfig, EventColumnConfig, EventsConfig, OutputConfig, OutputFileConfig, ScheduleConfig,
+    ScheduleTableConfig, WallTimeConfig,
 };
 use crate::model::scene::{OutputPlan, RunPlan, Schedule, UntilOf};
 
 /// Largest number of records: more are taken for a mistake, since they would fill a disk.
 pub(super) const MAX_RECORDS: f64 = 1e8;
+
+/// Largest number of collisions: doubles count them exactly.
+const MOST_COLLISIONS: f64 = 9e15;
 
 /// The largest time on the clock [s], about three centuries.
 const MAX_WALL_TIME: f64 = 1e10;
@@ -116,16 +119,31 @@ impl Assembler<'_> {
                 Some(ScheduleConfig::Every(step)) => {
                     positive(&mut self.document, &path, *step);
                 }
-                Some(ScheduleConfig::Log(log)) => match log.log.as_deref() {
-                    Some([first, factor]) => {
-                        positive(&mut self.document, &at(["output", key, "log"]), *first);
-                        if !(*factor > 1.0 && factor.is_finite()) {
-                            self.document.refuse(&at(["output", key, "log"]), "must have a factor > 1");
+                Some(ScheduleConfig::Table(table)) => {
+                    match table.log.as_deref() {
+                        Some([first, factor]) => {
+                            positive(&mut self.document, &at(["output", key, "log"]), *first);
+                            if !(*factor > 1.0 && factor.is_finite()) {
+                                self.document.refuse(&at(["output", key, "log"]), "must have a factor > 1");
+                            }
+                        }
+                        Some(_) => {
+                            self.document.refuse(&at(["output", key, "log"]), "must be [first, factor]");
+                        }
+                        None if table.collisions_per_particle.is_none() => self.document.report_missing(
+                            &path,
+                            "must have log = [first, factor] or collisions_per_particle = C",
+                        ),
+                        None => {}
+                    }
+                    if let Some(count) = table.collisions_per_particle {
+                        let path = at(["output", key, "collisions_per_particle"]);
+                        positive(&mut self.document, &path, count);
+                        if table.log.is_some() {
+                            self.document.report(&path, "contradicts log: give one of the two");
                         }
                     }
-                    Some(_) => self.document.refuse(&at(["output", key, "log"]), "must be [first, factor]"),
-                    None => self.document.report_missing(&path, "must have log = [first, factor]"),
-                },
+                }
                 Some(ScheduleConfig::Off(_)) | None => {}
             }
         }
@@ -136,8 +154,8 @@ impl Assembler<'_> {
         let n = system.bodies.len();
         let mut collisions = run.collisions.map(|count| count as u64);
         if let Some(count) = run.collisions_per_particle {
-            let total = (0.5 * count * n as f64).ceil();
-            if total > 9e15 {
+            let total = collisions_of(count, n);
+            if total > MOST_COLLISIONS {
                 self.document
                     .report(&at(["run", "collisions_per_particle"]), "makes more than 9e15 collisions");
             }
@@ -149,6 +167,28 @@ impl Assembler<'_> {
         }
         let wall_time = run.wall_time.and_then(|time| time.duration());
         RunPlan { until: run.until, until_of: UntilOf::Run, collisions, wall_time, growth: None }
+    }
+
+    /// When a key asks for records. Its form has been checked.
+    fn schedule(&mut self, key: &str, config: &ScheduleConfig, system: &System) -> Schedule {
+        let table = match config {
+            ScheduleConfig::Every(step) => return Schedule::Every(*step),
+            ScheduleConfig::Off(_) => return Schedule::Off,
+            ScheduleConfig::Table(table) => table,
+        };
+        if let Some(&[first, factor]) = table.log.as_deref() {
+            return Schedule::Log { first, factor };
+        }
+        let n = system.bodies.len();
+        let count = collisions_of(table.collisions_per_particle.unwrap_or(1.0), n);
+        let path = at(["output", key, "collisions_per_particle"]);
+        if count > MOST_COLLISIONS {
+            self.document.report(&path, "makes more than 9e15 collisions");
+        }
+        if n == 1 && system.flow.is_none() {
+            self.document.report(&path, "one particle alone never collides: give a time");
+        }
+        Schedule::Collisions(count.max(1.0) as u64)
     }
 
     pub(super) fn output_plan(&mut self, system: &System, run: &RunPlan, rate: f64) -> OutputPlan {
@@ -168,22 +208,21 @@ impl Assembler<'_> {
         });
         let first = 0.1 * time_scale(system, rate);
         let config = self.config.output.get_or_insert_with(OutputConfig::default);
-        let schedule = |given: &mut Option<ScheduleConfig>, parts: f64, factor: f64| {
+        let completed = |given: &mut Option<ScheduleConfig>, parts: f64, factor: f64| {
             let config = given.get_or_insert_with(|| match length {
                 Some(length) => ScheduleConfig::Every((length / parts).max(SMALLEST)),
-                None => ScheduleConfig::Log(LogConfig { log: Some(vec![first, factor]) }),
+                None => ScheduleConfig::Table(ScheduleTableConfig {
+                    log: Some(vec![first, factor]),
+                    collisions_per_particle: None,
+                }),
             });
-            match config {
-                ScheduleConfig::Every(step) => Schedule::Every(*step),
-                ScheduleConfig::Off(_) => Schedule::Off,
-                ScheduleConfig::Log(log) => match log.log.as_deref() {
-                    Some(&[first, factor]) => Schedule::Log { first, factor },
-                    _ => Schedule::Off,
-                },
-            }
+            config.clone()
         };
-        let frames = schedule(&mut config.frames, 100.0, 1.2);
-        let observables = schedule(&mut config.observables, 1000.0, 1.02);
+        let frames = completed(&mut config.frames, 100.0, 1.2);
+        let observables = completed(&mut config.observables, 1000.0, 1.02);
+        let frames = self.schedule("frames", &frames, system);
+        let observables = self.schedule("observables", &observables, system);
+        let config = self.config.output.get_or_insert_with(OutputConfig::default);
         let events = event_columns(config.events.get_or_insert(EventsConfig::All(false)), system);
         let compressed =
             *config.compression.get_or_insert(CompressionConfig::Deflate) == CompressionConfig::Deflate;
@@ -196,10 +235,20 @@ impl Assembler<'_> {
             // A missing key differs from `false`: the file may be given on the command line.
             Some(OutputFileConfig::Off(_)) | None => None,
         };
+        for (key, schedule) in [("frames", frames), ("observables", observables)] {
+            if let (Schedule::Collisions(count), Some(collisions)) = (schedule, run.collisions)
+                && collisions as f64 / count as f64 > MAX_RECORDS
+            {
+                let text = format!(
+                    "makes a record at each of {count} of {collisions} collisions, at most 1e8 are possible"
+                );
+                self.document.report(&at(["output", key]), text);
+            }
+        }
         if let Some(until) = run.until {
             let every = |step: Option<f64>| step.map_or(0.0, |step| until / step);
             let count = |schedule: Schedule| match schedule {
-                Schedule::Off => 0.0,
+                Schedule::Off | Schedule::Collisions(_) => 0.0,
                 Schedule::Every(step) => until / step,
                 Schedule::Log { first, factor } => ((until.ln() - first.ln()) / factor.ln()).max(0.0),
             };
@@ -218,6 +267,11 @@ impl Assembler<'_> {
         }
         OutputPlan { file, frames, observables, events, compressed, checkpoint }
     }
+}
+
+/// Collisions in which N particles have `count` each on average: each collision has two partners.
+fn collisions_of(count: f64, particles: usize) -> f64 {
+    (0.5 * count * particles as f64).ceil()
 }
 
 /// The requested columns in the order of files, always with the time.

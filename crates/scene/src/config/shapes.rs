@@ -10,8 +10,8 @@ use serde::de::{
 
 use super::keys::{
     BinsConfig, EventColumnsConfig, EventsConfig, FileConfig, FollowedConfig, FollowedSpeciesConfig,
-    GrownConfig, LogConfig, OutputFileConfig, PackingConfig, PositionsConfig, RadiusConfig,
-    RadiusDistribution, RestitutionConfig, RestitutionModelConfig, ScheduleConfig, SizeTableConfig,
+    GrownConfig, OutputFileConfig, PackingConfig, PositionsConfig, RadiusConfig, RadiusDistribution,
+    RestitutionConfig, RestitutionModelConfig, ScheduleConfig, ScheduleTableConfig, SizeTableConfig,
     SizesConfig, SpeciesChoice, WallTimeConfig,
 };
 use crate::source::read::keys_of;
@@ -124,12 +124,15 @@ by_shape!(
     table EventsConfig::Some, of EventColumnsConfig
 );
 by_shape!(
-    ScheduleConfig, "a number, { log = [first, factor] } or false",
+    ScheduleConfig, "a number, { log = [first, factor] }, { collisions_per_particle = … } or false",
     number ScheduleConfig::Every,
     boolean |value: bool| if value {
-        Err(E::invalid_value(de::Unexpected::Bool(true), &"a number, { log = [first, factor] } or false"))
+        Err(E::invalid_value(
+            de::Unexpected::Bool(true),
+            &"a number, { log = [first, factor] }, { collisions_per_particle = … } or false",
+        ))
     } else {
         Ok(ScheduleConfig::Off(false))
     },
-    table ScheduleConfig::Log, of LogConfig
+    table ScheduleConfig::Table, of ScheduleTableConfig
 );

@@ -193,6 +193,7 @@ pub(super) const KEYS: &[&str] = &[
     "a.b.c",
     "species.9.count",
     "output.frames.log",
+    "output.frames.collisions_per_particle",
     "",
     ".",
     "domain.size.0",

@@ -4,8 +4,9 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use haff_engine::{Compressed, EventColumn, Options, System, significant};
+use haff_engine::{Compressed, EventColumn, Options, System, critical_length, significant};
 use haff_linkage::Joints;
+use haff_mechanics::Restitution;
 
 /// Times of records, beside the start and the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,6 +22,8 @@ pub enum Schedule {
         /// Factor > 1.
         factor: f64,
     },
+    /// Each time that the particles have collided this often with each other, in all.
+    Collisions(u64),
 }
 
 /// What [`RunPlan::until`] is.
@@ -220,4 +223,15 @@ pub struct Scene {
     pub collision_rate: f64,
     /// Why that theory does not apply to the scene.
     pub rate_unknown: Option<&'static str>,
+}
+
+impl Scene {
+    /// Mean of 1 − e² over the pairs of species of a gas that cools freely with a constant e < 1.
+    #[must_use]
+    pub fn cooling_loss(&self) -> Option<f64> {
+        critical_length(&self.system)?;
+        let loss = |law: &Restitution| if let Restitution::Constant(e) = law { 1.0 - e * e } else { 0.0 };
+        let laws = &self.system.contacts.pair;
+        Some(laws.iter().map(loss).sum::<f64>() / laws.len() as f64)
+    }
 }

@@ -10,8 +10,8 @@ pub struct OutputConfig {
     /// Path of the HDF5 file, relative to the current directory; `false` or left out: none. Not that of the
     /// scene, nor of the state file it starts from.
     pub file: Option<OutputFileConfig>,
-    /// Simulated time between trajectory frames, or `{ log = [first, factor] }`, or `false`. Default:
-    /// `until`/100.
+    /// Simulated time between trajectory frames, or `{ log = [first, factor] }`, or
+    /// `{ collisions_per_particle = C }`, or `false`. Default: `until`/100.
     pub frames: Option<ScheduleConfig>,
     /// The same for observables. Default: `until`/1000.
     pub observables: Option<ScheduleConfig>,
@@ -104,18 +104,25 @@ pub enum OutputFileConfig {
 pub enum ScheduleConfig {
     /// Simulated time between two records [time].
     Every(#[schemars(extend("exclusiveMinimum" = 0))] f64),
-    /// At logarithmic intervals.
-    Log(LogConfig),
+    /// At logarithmic intervals, or by collisions.
+    Table(ScheduleTableConfig),
     /// `false`: never.
     Off(#[schemars(extend("const" = false))] bool),
 }
 
-/// Records at first · factor^k, k = 0, 1, ….
+/// Records at other times than those of an interval; one of the two keys.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-#[schemars(extend("required" = ["log"]))]
-pub struct LogConfig {
-    /// `[first, factor]`: first time [time] > 0 and factor > 1.
+#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
+pub struct ScheduleTableConfig {
+    /// `[first, factor]`: records at first · factor^k, k = 0, 1, …, with a first time [time] > 0 and a
+    /// factor > 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(equal = 2))]
     pub log: Option<Vec<f64>>,
+    /// A record each time that the particles have had this many collisions on average, of which each counts
+    /// for both partners: C N/2 collisions, rounded up. The state is that after all events of the instant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub collisions_per_particle: Option<f64>,
 }
