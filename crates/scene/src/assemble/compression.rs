@@ -211,6 +211,7 @@ impl Assembler<'_> {
             });
             let keys = [
                 ("motion", config.motion.is_some()),
+                ("velocity", config.velocity.is_some()),
                 ("displacement", config.displacement.is_some_and(|shift| shift != 0.0)),
             ];
             for (key, _) in keys.into_iter().filter(|(_, given)| moves && *given) {

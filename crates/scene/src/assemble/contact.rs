@@ -33,10 +33,6 @@ impl Assembler<'_> {
                     let why = "is described twice: give all properties of a wall in one entry";
                     self.document.report(&item("wall", k, "name"), why);
                 }
-                if config.velocity.is_some() {
-                    let why = "a wall of domain.boundary does not move: give a plane, and open that axis";
-                    self.document.report(&item("wall", k, "velocity"), why);
-                }
                 if config.offset.is_some() {
                     let why = "is for shapes: a wall of domain.boundary has a displacement";
                     self.document.report(&item("wall", k, "offset"), why);
@@ -45,8 +41,11 @@ impl Assembler<'_> {
                     let why = "nothing passes through a wall of domain.boundary, which closes the box: give a plane";
                     self.document.report(&item("wall", k, "passes"), why);
                 }
+                if config.reference_time.is_some() {
+                    let why = "is for planes: a wall of domain.boundary moves along itself";
+                    self.document.report(&item("wall", k, "reference_time"), why);
+                }
                 self.refuse_piston(k, config);
-                self.reference_time(k, config);
                 self.displacement(k, config);
                 continue;
             }

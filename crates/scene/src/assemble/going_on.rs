@@ -108,7 +108,7 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
             | WallMotion::Piston(_)
             | WallMotion::Shrinking(_) => None,
         }
-        .filter(|&time| time != 0.0);
+        .filter(|&time| time != 0.0 && config.has_shape());
     }
     if changed.position || changed.reference_time {
         return;

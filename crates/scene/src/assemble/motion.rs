@@ -113,7 +113,8 @@ impl Assembler<'_> {
                 let normal = config.name.as_deref().and_then(normal_of_face).filter(|_| of_domain);
                 let turns = normal.map(|normal| Turns::AlongNormal(DVec3::ZERO, normal));
                 let rotation = turns.and_then(|turns| self.rotation(k, config, turns));
-                motions.push(rotation.map(WallMotion::Rotating));
+                let turning = rotation.map(WallMotion::Rotating);
+                motions.push(turning.or_else(|| self.velocity_of_face(k, config)));
                 continue;
             };
             for (key, given) in
@@ -132,6 +133,24 @@ impl Assembler<'_> {
             motions.push(self.wall_motion(k, motion));
         }
         motions
+    }
+
+    /// The velocity of a wall of the domain, which is along the wall.
+    fn velocity_of_face(&mut self, k: usize, config: &WallConfig) -> Option<WallMotion> {
+        let normal = config.name.as_deref().and_then(normal_of_face).filter(|_| !config.has_shape())?;
+        let path = item("wall", k, "velocity");
+        if config.rotation.is_some() && config.velocity.is_some() {
+            self.document.report(&path, format!("contradicts wall.{k}.rotation: give one of the two"));
+            return None;
+        }
+        let velocity = self.vector(&path, config.velocity.as_ref()?);
+        if velocity.dot(normal) != 0.0 {
+            let why = "must be along the wall, which closes the box: for one that leaves its place give a plane, and \
+                       open that axis";
+            self.document.refuse(&path, why);
+            return None;
+        }
+        Some(WallMotion::from(velocity))
     }
 
     fn wall_motion(&mut self, k: usize, motion: &MotionConfig) -> Option<WallMotion> {

@@ -54,8 +54,9 @@ pub struct WallConfig {
     /// `contact.wall_restitution` applies.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub accommodation: Option<f64>,
-    /// Velocity of the wall [length/time]; default 0. In a run that goes on the wall moves so from where it
-    /// is; zero stops it there, also an oscillation.
+    /// Velocity of the wall [length/time]; default 0. A wall of `domain.boundary` moves along itself: rough
+    /// and thermal contacts are with the moving surface. In a run that goes on the wall moves so from where
+    /// it is; zero stops it there, also an oscillation.
     #[schemars(length(min = 2, max = 3))]
     pub velocity: Option<Vec<f64>>,
     /// Time at which a wall with a velocity goes through its `plane.point` [time]; default 0. Set when a run
