@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use hdf5::{Group, types::VarLenUnicode};
+use hdf5::{Group, Location, types::VarLenUnicode};
 
 use crate::series::{SERIES_CHUNK, Series, Storage};
 
@@ -45,8 +45,8 @@ impl Clock {
     }
 }
 
-pub(crate) fn write_text_attribute(group: &Group, name: &str, value: &str) -> hdf5::Result<()> {
-    group.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&text(value)?)
+pub(crate) fn write_text_attribute(place: &Location, name: &str, value: &str) -> hdf5::Result<()> {
+    place.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&text(value)?)
 }
 
 /// A string as HDF5 stores it.

@@ -30,6 +30,15 @@ pub(crate) fn frame_storage(particles: usize, compressed: bool) -> Storage {
     Storage { chunk: vec![frames, rows, 3], compressed: compressed && frames == 1 }
 }
 
+/// Units of the trajectory in the words that MDAnalysis requires to read a file without being told not to
+/// convert any; the numbers are in the units of the scene.
+const UNITS: [(&str, &str); 4] = [
+    ("position/value", "A"),
+    ("position/time", "ps"),
+    ("velocity/value", "A ps-1"),
+    ("box/edges/value", "A"),
+];
+
 /// The trajectory.
 #[derive(Debug)]
 pub(crate) struct Trajectory {
@@ -65,7 +74,7 @@ impl Trajectory {
             }
             Ok(group)
         };
-        Ok(Self {
+        let trajectory = Self {
             position: Series::create_real(&position, "value", &width, &storage)?,
             velocity: Series::create_real(&element("velocity")?, "value", &width, &storage)?,
             angular_velocity: if present.spin {
@@ -98,7 +107,12 @@ impl Trajectory {
                 &Storage::plain(SERIES_CHUNK, edges),
             )?,
             clock,
-        })
+        };
+        for (path, unit) in UNITS {
+            let dataset = all.dataset(path)?;
+            write_text_attribute(&dataset, "unit", unit)?;
+        }
+        Ok(trajectory)
     }
 
     fn open(all: &Group, particles: usize, pistons: usize) -> hdf5::Result<Self> {

@@ -159,8 +159,9 @@ class Recording(Header):
         edge vector, which do not: displacements, and analyses such as ``MDAnalysis.analysis.msd``, need them.
         MDAnalysis has positions in single precision.
 
-        Atoms carry ``masses``, ``radii``, ``types`` (species names) and ids. The file has no
-        units, so MDAnalysis converts nothing. A sheared box has the dimensions and angles of each frame, in single
+        Atoms carry ``masses``, ``radii``, ``types`` (species names) and ids. Nothing is converted: numbers
+        are in the units of the scene. ``universe.load_new(path, format="H5MD")`` reads the file alone, with Å and ps
+        for the units of length and time. A sheared box has the dimensions and angles of each frame, in single
         precision. Raises :class:`NotApplicableError` if MDAnalysis cannot hold that box: its first edge is along x, and
         its second one in the plane of x and y, so that the gradient must not be an axis before that of the flow.
         :class:`ArgumentError`: ``unwrapped`` is neither true nor false; :class:`MissingDataError`: there are no images.
