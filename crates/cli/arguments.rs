@@ -300,6 +300,8 @@ Examples:
   haff bench --n 4000,32000,500000 --phi 0.01,0.1,0.49 --repeats 3
   haff bench --scene cooling --n 100000 --threads 1,2 --json
   haff bench --scene configs/cooling.toml --collisions 1e6
+  haff bench --n 4000 --neighbors cells,lists,windows --csv > searches.csv
+  haff bench --phi 0.1,0.49 --against ../before/target/release/haff       # two builds side by side
   haff bench --n 4000 --phi 0.3 --print-scene > fluid.toml && haff run fluid.toml   # the same trajectory
   haff bench --accuracy --json > accuracy.json        # run time against error, beside other methods; about a minute
 
@@ -322,18 +324,20 @@ pub struct Bench {
     /// From φ of about 0.45 on, an fcc crystal needs a few hundred to melt.
     #[arg(long, value_name = "M", value_parser = melt, allow_negative_numbers = true)]
     pub melt: Option<f64>,
-    /// Number of timed repeats, one after the other; the median and the spread are reported.
-    #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub repeats: u32,
+    /// Number of timed repeats, one after the other; the median and the spread are reported [default: 1; with
+    /// --against 7].
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repeats: Option<u32>,
     /// Threads; all processors by default. No result depends on it but the time.
     #[arg(long, value_name = "T,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Vec<u16>,
     /// Seed of a standard scene.
     #[arg(long, value_name = "SEED", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub seed: Option<u64>,
-    /// Neighbor search, as `engine.neighbors` of a scene.
-    #[arg(long, value_name = "METHOD", value_parser = ["auto", "windows", "cells", "lists", "all_pairs"])]
-    pub neighbors: Option<String>,
+    /// Neighbor searches, as `engine.neighbors` of a scene.
+    #[arg(long, value_name = "METHOD,…", value_delimiter = ',',
+        value_parser = ["auto", "windows", "cells", "lists", "all_pairs"])]
+    pub neighbors: Vec<String>,
     /// Vector instructions, as `engine.simd` of a scene.
     #[arg(long, value_name = "SIMD", value_parser = ["auto", "avx2", "portable"])]
     pub simd: Option<String>,
@@ -344,14 +348,22 @@ pub struct Bench {
     /// Set a key of the scene by its dotted path, the value in TOML.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Print the results as JSON on standard output: an object, or an array if there are several cells.
+    /// Print the results as JSON on standard output: an object, or an array if there are several cells. They
+    /// name the machine and the date.
     #[arg(long)]
     pub json: bool,
+    /// Print the results as CSV on standard output, a row for each cell.
+    #[arg(long, conflicts_with_all = ["json", "against"])]
+    pub csv: bool,
+    /// Another build of haff: both measure each cell in turn, --repeats times, and the median of the ratios
+    /// of the rates is printed with its standard error. Above 1 this build is faster.
+    #[arg(long, value_name = "PROGRAM")]
+    pub against: Option<PathBuf>,
     /// Do not report the progress.
     #[arg(short, long)]
     pub quiet: bool,
     /// Print the cell's scene instead of running it, for `haff run`, which ends in the same state.
-    #[arg(long, conflicts_with_all = ["json", "list"])]
+    #[arg(long, conflicts_with_all = ["json", "csv", "against", "list"])]
     pub print_scene: bool,
     /// Name the standard scenes.
     #[arg(long)]
@@ -359,7 +371,7 @@ pub struct Bench {
     /// Measure run time against error instead, on scenes with known answers, beside other methods; and how
     /// errors grow.
     #[arg(long, conflicts_with_all = ["scene", "n", "phi", "collisions", "melt", "repeats", "threads", "seed",
-        "neighbors", "simd", "blocks", "set", "print_scene", "list"])]
+        "neighbors", "simd", "blocks", "set", "csv", "against", "print_scene", "list"])]
     pub accuracy: bool,
     /// A short --accuracy: larger steps, shorter runs, fewer starts; a few seconds.
     #[arg(long, requires = "accuracy")]

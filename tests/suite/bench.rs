@@ -112,6 +112,76 @@ fn search_and_kernel_options_change_no_bit() {
 }
 
 #[test]
+fn several_searches_are_cells_of_their_own_in_csv_with_machine_and_date() {
+    let haff = Haff::new();
+    let (status, out, err) = haff.run(&[
+        "bench",
+        "--n",
+        "108,150",
+        "--neighbors",
+        "cells,lists",
+        "--collisions",
+        "100",
+        "--csv",
+        "-q",
+    ]);
+    assert_eq!(status, 0, "{err}");
+    let rows: Vec<Vec<&str>> = out.lines().map(|line| line.split(',').collect()).collect();
+    let column = |name: &str| rows[0].iter().position(|head| *head == name).expect(name);
+    let found: Vec<_> = rows[1..].iter().map(|row| (row[column("n")], row[column("neighbors")])).collect();
+    assert_eq!(found, [("108", "cells"), ("108", "lists"), ("150", "cells"), ("150", "lists")]);
+    for row in &rows[1..] {
+        assert_eq!(row.len(), rows[0].len(), "{row:?}");
+        assert!(row[column("collisions_per_second")].parse::<f64>().unwrap() > 0.0);
+        assert!(row[column("date")].ends_with('Z') && row[column("date")].starts_with("20"), "{row:?}");
+        assert!(row[column("processors")].parse::<u32>().unwrap() >= 1);
+    }
+    assert_eq!(rows[1][column("state_hash")], rows[2][column("state_hash")]);
+}
+
+#[test]
+fn memory_per_particle_is_without_that_of_the_program() {
+    let haff = Haff::new();
+    let report = bench(&haff, &["--n", "100,20000", "--collisions", "10", "--melt", "0"]);
+    for cell in report.as_array().expect("two cells") {
+        let value = |key: &str| cell[key].as_f64().unwrap_or_else(|| panic!("{key} in {cell}"));
+        let own = (value("peak_memory_bytes") - value("process_bytes")) / value("n");
+        assert!((value("bytes_per_particle") / own - 1.0).abs() < 1e-12, "{cell}");
+        assert!(cell["machine"]["processors"].as_u64() >= Some(1), "{cell}");
+        assert!(cell["date"].is_string(), "{cell}");
+    }
+    // Peak over number was 90,000 bytes for 100 particles.
+    assert!(report[1]["bytes_per_particle"].as_f64().unwrap() < 1000.0, "{report}");
+}
+
+#[test]
+fn two_builds_are_measured_in_turn() {
+    let haff = Haff::new();
+    let other = env!("CARGO_BIN_EXE_haff");
+    let cells = ["--n", "108,150", "--collisions", "200", "--against", other, "--repeats", "3"];
+    let reports = bench(&haff, &cells);
+    assert_eq!(reports.as_array().map(Vec::len), Some(2));
+    for report in reports.as_array().unwrap() {
+        assert_eq!((&report["rounds"], &report["same_trajectory"]), (&3.into(), &true.into()), "{report}");
+        let rates = |side: &str| -> Vec<f64> {
+            let rounds = report[side]["collisions_per_second_rounds"].as_array().expect("rates of rounds");
+            rounds.iter().map(|rate| rate.as_f64().unwrap()).collect()
+        };
+        let (this, with) = (rates("this"), rates("other"));
+        let mut ratios: Vec<f64> = this.iter().zip(&with).map(|(this, with)| this / with).collect();
+        ratios.sort_by(f64::total_cmp);
+        assert_eq!(report["ratio"].as_f64(), Some(ratios[1]));
+        assert!(report["ratio_error"].as_f64() > Some(0.0), "{report}");
+        assert_eq!(report["other"]["program"], other);
+    }
+    let (status, out, err) = haff.run(&[&["bench", "-q"], &cells[..]].concat());
+    assert_eq!((status, out.lines().count()), (0, 3), "{err}");
+    assert!(out.lines().next().is_some_and(|head| head.contains("ratio") && head.contains("error")), "{out}");
+    let (status, _, err) = haff.run(&["bench", "--n", "108", "--against", "./no-such-haff"]);
+    assert!(status == 4 && err.contains("no-such-haff"), "{err}");
+}
+
+#[test]
 fn the_benchmark_of_a_scene_file_equals_its_run() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);

@@ -6,6 +6,8 @@
 //! are not shared.
 
 mod accuracy;
+mod against;
+mod csv;
 mod measure;
 mod report;
 mod scenes;
@@ -41,10 +43,11 @@ const PARTICLES: u64 = 32_000;
 
 /// One combination of the given values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Cell {
+struct Cell<'a> {
     n: Option<u64>,
     phi: Option<f64>,
     threads: Option<u16>,
+    neighbors: Option<&'a str>,
 }
 
 /// Measures the cells given by the options.
@@ -62,6 +65,9 @@ pub fn bench(options: &Bench) -> Result<u8, Failure> {
     }
     let signals = Signals::watch()?;
     signals.begin();
+    if let Some(other) = &options.against {
+        return against::against(options, other, &cells, &signals);
+    }
     match cells[..] {
         [cell] => measure_here(options, cell, &signals),
         _ => measure_in_children(options, &cells, &signals),
@@ -91,28 +97,35 @@ fn check(options: &Bench) -> Result<(), Failure> {
     if options.seed.is_some() {
         return invalid("--seed is for the standard scenes; use --set seed=…".to_owned());
     }
-    if options.repeats > 1 && options.collisions.is_none() {
+    if options.repeats.unwrap_or(1) > 1 && options.against.is_none() && options.collisions.is_none() {
         return invalid("--repeats of a scene file needs --collisions, the length of each".to_owned());
     }
     Ok(())
 }
 
 /// Every combination, particles slowest.
-fn cells(options: &Bench) -> Vec<Cell> {
-    fn each<T: Copy>(values: &[T]) -> Vec<Option<T>> {
-        if values.is_empty() { vec![None] } else { values.iter().copied().map(Some).collect() }
+fn cells(options: &Bench) -> Vec<Cell<'_>> {
+    fn each<T>(values: &[T]) -> Vec<Option<&T>> {
+        if values.is_empty() { vec![None] } else { values.iter().map(Some).collect() }
     }
     let mut cells = Vec::new();
     for n in each(&options.n) {
         for phi in each(&options.phi) {
-            cells.extend(each(&options.threads).into_iter().map(|threads| Cell { n, phi, threads }));
+            for threads in each(&options.threads) {
+                cells.extend(each(&options.neighbors).into_iter().map(|neighbors| Cell {
+                    n: n.copied(),
+                    phi: phi.copied(),
+                    threads: threads.copied(),
+                    neighbors: neighbors.map(String::as_str),
+                }));
+            }
         }
     }
     cells
 }
 
 /// What a cell measures.
-fn plan(options: &Bench, cell: Cell) -> Plan<'_> {
+fn plan<'a>(options: &'a Bench, cell: Cell<'_>) -> Plan<'a> {
     let source = match scenes::find(&options.scene) {
         Some(scene) => Source::Standard {
             scene,
@@ -123,14 +136,20 @@ fn plan(options: &Bench, cell: Cell) -> Plan<'_> {
         None => Source::File(Path::new(&options.scene)),
     };
     let mut set = options.set.clone();
-    for (key, value) in [("neighbors", &options.neighbors), ("simd", &options.simd)] {
+    for (key, value) in [("neighbors", cell.neighbors), ("simd", options.simd.as_deref())] {
         set.extend(value.iter().map(|value| format!("engine.{key}=\"{value}\"")));
     }
     set.extend(options.blocks.map(|blocks| format!("engine.blocks={blocks}")));
-    Plan { source, collisions: options.collisions, melt: options.melt, repeats: options.repeats, set }
+    Plan {
+        source,
+        collisions: options.collisions,
+        melt: options.melt,
+        repeats: options.repeats.unwrap_or(1),
+        set,
+    }
 }
 
-fn print_scene(options: &Bench, cells: &[Cell]) -> Result<u8, Failure> {
+fn print_scene(options: &Bench, cells: &[Cell<'_>]) -> Result<u8, Failure> {
     let &[cell] = cells else {
         let message = format!("--print-scene prints one scene; {} are asked for", cells.len());
         return Err(Failure::new(Status::Invalid, message));
@@ -139,7 +158,7 @@ fn print_scene(options: &Bench, cells: &[Cell]) -> Result<u8, Failure> {
 }
 
 /// Measures a cell in this process.
-fn measure_here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Failure> {
+fn measure_here(options: &Bench, cell: Cell<'_>, signals: &Signals) -> Result<u8, Failure> {
     set_threads(cell.threads)?;
     let announce = |what: &str| {
         if !options.quiet {
@@ -154,6 +173,8 @@ fn measure_here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Fa
     let report = report::report(&measured, &options.scene, phi);
     if options.json {
         output::line(report)?;
+    } else if options.csv {
+        csv::print(&[report])?;
     } else {
         output::lines(format_args!("{}\n{}", report::head(), report::line(&report)))?;
     }
@@ -165,24 +186,27 @@ fn measure_here(options: &Bench, cell: Cell, signals: &Signals) -> Result<u8, Fa
 }
 
 /// A cell in words.
-fn name(options: &Bench, cell: Cell) -> String {
+fn name(options: &Bench, cell: Cell<'_>) -> String {
     let mut parts = vec![shown(&options.scene)];
     if let Some(standard) = scenes::find(&options.scene) {
         parts.push(format!("N = {}", cell.n.unwrap_or(PARTICLES)));
         parts.push(format!("φ = {}", cell.phi.unwrap_or(standard.phi)));
     }
     parts.extend(cell.threads.map(|threads| format!("threads = {threads}")));
+    parts.extend(cell.neighbors.map(str::to_owned));
     parts.join(", ")
 }
 
 /// Measures each cell in a separate process.
-fn measure_in_children(options: &Bench, cells: &[Cell], signals: &Signals) -> Result<u8, Failure> {
+fn measure_in_children(options: &Bench, cells: &[Cell<'_>], signals: &Signals) -> Result<u8, Failure> {
+    let program = std::env::current_exe()
+        .map_err(|error| Failure::new(Status::File, format!("this program is not known: {error}")))?;
     let mut reports = Vec::new();
     let mut status = 0;
     for &cell in cells {
-        let (code, report) = child(options, cell, signals)?;
+        let (code, report) = child(&program, options, cell, options.repeats.unwrap_or(1), signals)?;
         if let Some(report) = report {
-            if !options.json {
+            if !options.json && !options.csv {
                 if reports.is_empty() {
                     output::line(report::head())?;
                 }
@@ -198,22 +222,29 @@ fn measure_in_children(options: &Bench, cells: &[Cell], signals: &Signals) -> Re
     }
     if options.json {
         output::line(Value::Array(reports))?;
+    } else if options.csv {
+        csv::print(&reports)?;
     }
     Ok(status)
 }
 
-/// Runs `haff bench` for one cell; its exit status and its report.
-fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<Value>), Failure> {
+/// Runs `haff bench` of a program for one cell; its exit status and its report.
+fn child(
+    program: &Path,
+    options: &Bench,
+    cell: Cell<'_>,
+    repeats: u32,
+    signals: &Signals,
+) -> Result<(u8, Option<Value>), Failure> {
     let failed = |why: &dyn std::fmt::Display| {
         Failure::new(
             Status::File,
-            format!("cannot measure {} in a separate process: {why}", name(options, cell)),
+            format!("{}: cannot measure {}: {why}", output::path(program), name(options, cell)),
         )
     };
-    let program = std::env::current_exe().map_err(|error| failed(&error))?;
     let mut command = Command::new(program);
     command.arg("bench").arg("--json").arg(format!("--scene={}", options.scene));
-    command.arg(format!("--repeats={}", options.repeats));
+    command.arg(format!("--repeats={repeats}"));
     let mut pass = |option: &str, value: Option<String>| {
         if let Some(value) = value {
             command.arg(format!("--{option}={value}"));
@@ -225,7 +256,7 @@ fn child(options: &Bench, cell: Cell, signals: &Signals) -> Result<(u8, Option<V
     pass("collisions", options.collisions.map(|count| count.to_string()));
     pass("melt", options.melt.map(|melt| melt.to_string()));
     pass("seed", options.seed.map(|seed| seed.to_string()));
-    pass("neighbors", options.neighbors.clone());
+    pass("neighbors", cell.neighbors.map(str::to_owned));
     pass("simd", options.simd.clone());
     pass("blocks", options.blocks.map(|blocks| blocks.to_string()));
     for set in &options.set {

@@ -4,8 +4,8 @@ What the command prints, and how it ends: text, numbers, bars, logs, signals and
 *What is here.* [`failure`] has the exit codes of docs/reference/command.md, [`output`] prints, and shows
 text of others without its control characters, [`numbers`], [`progress`], [`watch`] and [`screen`] are what a
 terminal shows, [`signals`] ends a run that can be resumed, [`memory`] ends the command when an allocation
-fails, [`threads`] says how many threads took the events, [`words`] has the two forms of messages that name
-options.
+fails, [`threads`] says how many threads took the events, [`machine`] on which machine, [`words`] has the
+two forms of messages that name options.
 
 *What to change here.* How something is shown. What is shown is computed in the rooms above.
 
@@ -16,6 +16,7 @@ options.
 
 pub mod failure;
 pub mod log;
+pub mod machine;
 pub mod memory;
 pub mod numbers;
 pub mod output;

@@ -13,6 +13,7 @@ use crate::{
     running::{session::Ending, states::States},
     terminal::{
         failure::{Failure, Status, scene_failure, simulation_failure},
+        memory::peak_memory,
         signals::Signals,
     },
 };
@@ -65,6 +66,8 @@ pub struct Measured {
     /// Building the engine: cells, first predictions, calendar.
     pub building: Duration,
     pub melting: Duration,
+    /// Memory of the process before it had any particle [bytes], if the system tells it.
+    pub process: Option<u64>,
 }
 
 /// Outcome of [`Plan::measure`].
@@ -115,6 +118,7 @@ impl Plan<'_> {
 
     /// Melts and times the cell. `announce` is called with the name of each phase.
     pub fn measure(&self, signals: &Signals, announce: impl Fn(&str)) -> Result<Outcome, Failure> {
+        let process = peak_memory();
         let started = Instant::now();
         announce("packing");
         let scene = self.scene()?;
@@ -185,6 +189,7 @@ impl Plan<'_> {
             packing,
             building,
             melting,
+            process,
         };
         Ok(Outcome::Measured(Box::new(measured)))
     }

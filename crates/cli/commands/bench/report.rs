@@ -7,18 +7,23 @@ use super::measure::{Measured, Stretch};
 use crate::{
     arguments::VERSION,
     running::session::Ending,
-    terminal::{memory::peak_memory, output::shown, threads},
+    terminal::{machine, memory::peak_memory, output::shown, threads},
 };
 
 /// Middle of the rates, and the least and the largest [1/s].
 fn rates(stretches: &[Stretch]) -> (f64, [f64; 2], Vec<f64>) {
     let all: Vec<f64> = stretches.iter().map(|part| part.collisions as f64 / part.seconds).collect();
-    let mut sorted = all.clone();
+    let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    (median(&all), [least, most], all)
+}
+
+/// The middle of some values, of an even number of them the mean of the two in the middle.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let middle = sorted.len() / 2;
-    let median =
-        if sorted.len() % 2 == 1 { sorted[middle] } else { 0.5 * (sorted[middle - 1] + sorted[middle]) };
-    (median, [sorted[0], sorted[sorted.len() - 1]], all)
+    if sorted.len() % 2 == 1 { sorted[middle] } else { 0.5 * (sorted[middle - 1] + sorted[middle]) }
 }
 
 /// Counters of the engine in the timed part. The pattern is exhaustive: a new counter does not compile until
@@ -110,11 +115,16 @@ pub fn report(cell: &Measured, scene: &str, phi: Option<f64>) -> Value {
         "ledger_residual": simulation.ledger().residual,
         "max_overlap": simulation.max_overlap(),
         "peak_memory_bytes": memory,
-        "bytes_per_particle": memory.map(|bytes| bytes as f64 / particles as f64),
+        // Of the program without any particle.
+        "process_bytes": cell.process,
+        "bytes_per_particle": memory.zip(cell.process)
+            .map(|(peak, process)| peak.saturating_sub(process) as f64 / particles as f64),
         "threads": rayon::current_num_threads(),
         "blocks": blocks,
         "neighbors": simulation.neighbors().name(),
         "seed": cell.seed,
+        "machine": machine::machine(),
+        "date": machine::now(),
         "version": VERSION,
         "trajectory_version": TRAJECTORY_VERSION,
         "state_hash": simulation.state_hash(),
