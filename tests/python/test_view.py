@@ -145,7 +145,7 @@ def test_invalid_arguments_are_errors_of_one_line(files, tmp_path, capsys):
 
 def test_joints_are_found_by_name(command):
     for scene, kinds in (("pendulums", ["string"] * 2), ("spring_impact", ["spring"]), ("stick_to_rod", ["rod"])):
-        from haff.viewer import joints
+        from haff.files import joints
 
         with command.run(f"textbook/{scene}", run__until=0.1).open() as run:
             found = joints.find(run)

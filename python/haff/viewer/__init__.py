@@ -31,7 +31,7 @@ __all__ = ["view"]
 _HERE = Path(__file__).parent
 _SCRIPTS = (
     "data.js", "flight.js", "timeline.js", "density.js", "picking.js", "shaders.js", "particles.js", "surroundings.js",
-    "shapes.js", "curves.js", "colors.js", "inspector.js", "camera.js", "smooth.js", "keys.js", "player.js",
+    "shapes.js", "marks.js", "curves.js", "colors.js", "inspector.js", "camera.js", "smooth.js", "keys.js", "player.js",
 )  # fmt: skip
 
 

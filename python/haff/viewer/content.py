@@ -12,11 +12,12 @@ import numpy as np
 from ..errors import ArgumentError, NotApplicableError
 from ..figures import shapes
 from ..figures.style import CYCLE, SPEED_MAP
+from ..files import joints
 from ..files.extent import Extent, extent
 from ..files.selection import choose
 from ..reader import File
 from ..text import escaped
-from . import collisions, curves, joints, walls
+from . import collisions, curves, turns, walls
 from .blobs import Blobs
 from .coloring import Coloring
 from .keyframes import Keyframes, along_flights, recorded
@@ -83,6 +84,8 @@ def write(
         "collisions": None if log is None else log.sample(blobs, start, end, notes),
     }
     header["served"] = escaped(_served(file))
+    turned = turns.find(keys, len(file))
+    header["turns"] = None if turned is None else blobs.add(turned)
     header["frames"] = _frames(file, blobs, keys, room, losses)
     header["notes"] = notes
     blobs.header(header)

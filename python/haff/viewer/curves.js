@@ -30,7 +30,7 @@ class Curves {
       title.append(panel.title);
       const readings = panel.series.map(({ label }, k) => {
         const reading = document.createElement("span");
-        reading.style.color = STROKES[k];
+        reading.style.color = shade(panel.series[k].color ?? STROKES[k]);
         reading.dataset.label = label;
         title.append(reading);
         return reading;
@@ -53,7 +53,7 @@ class Curves {
             { ...axis, size: 26, values: labels(this.unit) },
             { ...axis, size: 58, values: labels(unit) },
           ],
-          series: [{}, ...panel.series.map((_, k) => ({ stroke: STROKES[k], width: 1.5, spanGaps: true }))],
+          series: [{}, ...panel.series.map(({ color }, k) => ({ stroke: shade(color ?? STROKES[k]), width: 1.5, spanGaps: true }))],
         },
         [inUnits(time, this.unit), ...panel.series.map(({ values }) => inUnits(values, unit))],
         this.element,
@@ -84,11 +84,19 @@ class Curves {
       mark.style.transform = `translateX(${x}px)`;
       const row = Math.max(0, after(header.curves.time, time * (1 + 1e-12)) - 1);
       readings.forEach((reading, k) => {
-        const value = panel.series[k].values[row];
+        // Of collisions the number at this time, not at that of the sample before.
+        const value = panel.events ? panel.series[k].values[0] + after(panel.events, time * (1 + 1e-12)) : panel.series[k].values[row];
         reading.textContent = `${reading.dataset.label} ${value === null ? "–" : format(value, 4)}`;
       });
     }
   }
+}
+
+// A color of figures, which are on white; on the dark page lighter, so that it is seen as well.
+function shade(color) {
+  if (document.documentElement.className === "light") return color;
+  const lighter = [1, 3, 5].map((start) => Math.round(0.7 * parseInt(color.slice(start, start + 2), 16) + 0.3 * 255));
+  return `#${lighter.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
 }
 
 // The power of ten below the numbers of all rows: below the largest, or on a logarithmic axis the smallest.

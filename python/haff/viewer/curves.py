@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..figures.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW
 from ..files.samples import balance
 from ..reader import File
 
@@ -13,6 +14,11 @@ MOST = 1500
 """Samples of a curve; of more, every second, third, … is drawn."""
 FEW = 30
 """Bodies below which a temperature or a collision rate says little."""
+COUNTED = 20_000
+"""Events up to which a page has the time of each, so that their number is exact at any time."""
+_COLORS = {"kinetic": BLUE, "rotational": PURPLE, "pistons": GREEN, "potential": SKY, "dissipated": RED}
+"""Of energies, as in the figure ``energy``."""
+_OTHERS = (ORANGE, GREEN, YELLOW, GREY)
 
 
 def find(file: File) -> dict[str, Any] | None:
@@ -39,6 +45,10 @@ def find(file: File) -> dict[str, Any] | None:
     ]
     if energies:
         panels.append(_panel("Energy ledger", energies))
+        rest = [label for label, _ in energies if label not in _COLORS]
+        for series in panels[-1]["series"]:
+            label = series["label"]
+            series["color"] = _COLORS.get(label) or _OTHERS[rest.index(label) % len(_OTHERS)]
     if "ledger_residual" in table and table["ledger_residual"].any():
         panels.append(_panel("Ledger residual", [("", table["ledger_residual"])]))
     counts = [table[name] for name in ("collisions", "wall_collisions") if name in table]
@@ -46,6 +56,7 @@ def find(file: File) -> dict[str, Any] | None:
     if counts and total[-1] > 0:
         if len(file) < FEW:
             panels.append(_panel("Collisions so far", [("", total)], counted=True))
+            panels[-1]["events"] = _times(file, total)
         else:
             with np.errstate(divide="ignore", invalid="ignore"):
                 rate = np.diff(total) / np.diff(table["time"])
@@ -53,6 +64,16 @@ def find(file: File) -> dict[str, Any] | None:
     if not panels:
         return None
     return {"time": table["time"].tolist(), "panels": panels}
+
+
+def _times(file: File, total: np.ndarray) -> list[float] | None:
+    """Times of the collisions that the log of events has, if it has all of them."""
+    events = file.events if "events" in file else None
+    if events is None or len(events) > COUNTED or not {"time", "kind"} <= set(events.columns):
+        return None
+    log = events.to_pandas(columns=["time", "kind"])
+    times = np.sort(log["time"][log["kind"].isin(("collision", "wall", "stick"))].to_numpy())
+    return times.tolist() if len(times) == total[-1] - total[0] else None
 
 
 def _panel(title: str, series, counted: bool = False) -> dict[str, Any]:

@@ -4,6 +4,8 @@
 const GLOW = 0.18;
 // Upper bounds of the number of particles highlighted at once, and of their fraction.
 const LIT = { count: 8, share: 0.05 };
+// Numbers of particles up to which all are.
+const ALL_LIT = 64;
 
 class Player {
   async start() {
@@ -32,6 +34,9 @@ class Player {
     this.particles = new Particles(this.frames, this.bodies);
     this.scene.add(...this.particles.meshes);
     this.surroundings = new Surroundings(this.scene, this.theme, await unpackShapes());
+    this.marks = header.turns
+      ? new Marks(this.scene, this.frames, this.bodies, await unpack(header.turns))
+      : null;
     this.view = new View(find("stage"), this.surroundings.space, this.largest, () => this.wake());
     this.inspector = new Inspector(this);
     this.smooth = new Smooth(find("stage"), find("mean"), this.particles.uniforms.round, () => this.render());
@@ -132,11 +137,12 @@ class Player {
     this.particles.show(k, x, colored ? this.coloring : "none", colored ? this.colors.limits(k, x) : [0, 1]);
     const since = time - this.frames.time[0];
     const glow = GLOW * this.timeline.flow(this.at, this.speed);
-    const most = Math.max(LIT.count, LIT.share * header.count);
+    const most = header.count <= ALL_LIT ? Infinity : Math.max(LIT.count, LIT.share * header.count);
     const every = this.particles.light(find("flash").checked ? this.events : null, since - glow, since, most);
     if (this.events) this.tellShare(every * header.collisions.every);
     const where = (index) => body(this.frames, this.bodies, index, k, x).position;
     this.surroundings.move(time, where, find("box").checked);
+    this.marks?.show(k, x, where, !this.colors.translucent);
     this.render();
     this.smooth.restart(this.grainy && !this.playing);
     if (find("show-curves").checked) this.curves.move(time);
@@ -215,6 +221,7 @@ class Player {
     find("theme").onclick = () => this.setTheme(this.theme === "dark" ? "light" : "dark");
     find("reset").onclick = () => this.view.look();
     find("help").onclick = () => find("keys").showModal();
+    find("more").onclick = () => this.showMore(!document.body.classList.contains("more"));
     document.addEventListener("keydown", (event) => press(this, event));
     this.tellPace();
   }
@@ -224,6 +231,13 @@ class Player {
     const line = find("flash-share");
     line.textContent = `1 in ${every.toLocaleString("en")} collisions lit`;
     line.style.visibility = every > 1 ? "visible" : "hidden";
+  }
+
+  // In narrow windows the other controls are shown on demand.
+  showMore(shown) {
+    document.body.classList.toggle("more", shown);
+    find("more").setAttribute("aria-expanded", String(shown));
+    this.resize();
   }
 
   tellPace() {
