@@ -114,7 +114,7 @@ def test_one_particle_alone_has_no_records_by_collisions():
     ("scene", "settings"),
     [
         ("cooling", {"species__0__count": 2000, "run__until": 2000.0, "output__events": True}),
-        ("cooling", {"species__0__count": 2000, "run__until": 1e9, "run__collisions": 20000, "output__events": True}),
+        ("cooling", {"species__0__count": 2000, "run__until": 1e6, "run__collisions": 20000, "output__events": True}),
         ("fluid", {"run__until": 100.0}),
         ("disks", {}),
         ("hot_wall", {}),

@@ -2,12 +2,12 @@
 
 use haff_engine::{Boundary, Dimension, hopping_walls, significant};
 use haff_record::FileSize;
-use haff_scene::{Scene, Schedule, UntilOf};
+use haff_scene::{Scene, Schedule, Times, UntilOf};
 use serde_json::{Value, json};
 
 use crate::{
     arguments::Check,
-    running::{estimate, schedule::Times, states::States, ties::first_tie, warnings::warnings},
+    running::{estimate, states::States, ties::first_tie, warnings::warnings},
     terminal::{
         failure::{Failure, scene_failure},
         numbers::counted,
@@ -126,7 +126,8 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
             dimension: axes,
             spin: system.spin.is_some(),
             pistons: system.piston_count(),
-            measured: estimate::measured(system, samples, until),
+            measured: estimate::measured(system, samples),
+            profiles: &estimate::profiles(&system.measure, until),
         })
     });
     let memory = estimate::memory(all) + estimate::correlations(&system.measure, all);

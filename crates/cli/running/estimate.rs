@@ -49,19 +49,20 @@ fn cooling_rate(scene: &Scene, rate: f64) -> Option<f64> {
     Some(scene.cooling_loss()? * of_a_particle / scene.system.dimension.count() as f64)
 }
 
-/// Numbers that measurements add to a file until a time.
-pub fn measured(system: &System, samples: u64, until: f64) -> u64 {
+/// Numbers that measurements add to rows of observables.
+pub fn measured(system: &System, samples: u64) -> u64 {
     let (measure, d) = (&system.measure, system.dimension.count() as u64);
     let stress = if measure.stress { 3 * d * d } else { 0 };
     let walls = if measure.wall_forces { 4 * system.walls.len() as u64 } else { 0 };
     let species = system.species.len() as u64;
     let pairs = if measure.pair_collisions { species * species + species } else { 0 };
+    samples * (stress + walls + pairs)
+}
+
+/// Profiles of a file, with the numbers of their rows until a time.
+pub fn profiles(measure: &Measure, until: f64) -> Vec<(u64, &Grid)> {
     let rows = |grid: &Grid| if until.is_finite() { (until / grid.interval) as u64 } else { 0 };
-    // Two densities, velocity, temperature and pressure tensor, of all and of each species.
-    let groups = |grid: &Grid| 1 + grid.species.len() as u64;
-    let profiles =
-        measure.profiles.iter().map(|grid| rows(grid) * groups(grid) * grid.cells() as u64 * (6 + d * d));
-    samples * (stress + walls + pairs) + profiles.sum::<u64>()
+    measure.profiles.iter().map(|grid| (rows(grid), grid)).collect()
 }
 
 /// Memory for earlier states of correlations \[bytes\]: sixteen at each of about ten levels.

@@ -91,7 +91,7 @@ pub(crate) struct Profile {
 }
 
 /// The shape of a chunk for rows of this shape: at most [`PROFILE_CHUNK`] values.
-fn chunk(width: &[usize]) -> Vec<usize> {
+pub(crate) fn chunk(width: &[usize]) -> Vec<usize> {
     let mut shape = width.to_vec();
     while shape.iter().product::<usize>() > PROFILE_CHUNK
         && let Some(longest) = shape.iter_mut().max()

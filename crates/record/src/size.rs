@@ -1,11 +1,17 @@
 //! Estimate of the size of a file.
 
-use haff_engine::{EventColumn, SceneFeatures, Sizes, observables};
+use haff_engine::{EventColumn, Grid, SceneFeatures, Sizes, observables};
 
-use crate::{checkpoint::SLOT, datasets::frame_storage, events::EVENT_CHUNK, series::SERIES_CHUNK};
+use crate::{
+    checkpoint::SLOT,
+    datasets::frame_storage,
+    events::EVENT_CHUNK,
+    measured::{chunk, row_shapes},
+    series::SERIES_CHUNK,
+};
 
 /// The amount of data that a run is going to record.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct FileSize<'a> {
     /// N.
     pub particles: u64,
@@ -25,8 +31,10 @@ pub struct FileSize<'a> {
     pub columns: &'a [EventColumn],
     /// Whether frames and the event log are compressed.
     pub compressed: bool,
-    /// Numbers that measurements add: to rows of observables, and as rows of profiles.
+    /// Numbers that measurements add to rows of observables.
     pub measured: u64,
+    /// Profiles, with their numbers of rows.
+    pub profiles: &'a [(u64, &'a Grid)],
 }
 
 /// A double with a random mantissa, compressed [bytes].
@@ -96,7 +104,16 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
         .sum::<u64>();
     let event: f64 = size.columns.iter().map(|&column| event_row(column, size)).sum();
     let rows = if size.compressed { events } else { whole(events, EVENT_CHUNK) };
+    let of_profile = |&(rows, grid): &(u64, &Grid)| {
+        let of_field = |width: &Vec<usize>| {
+            let numbers = width.iter().product::<usize>() as u64;
+            whole(rows, chunk(width)[0]).saturating_mul(8 * numbers)
+        };
+        row_shapes(grid, dimension).iter().map(of_field).sum::<u64>()
+    };
+    let profiles = size.profiles.iter().map(of_profile).sum();
     [
+        profiles,
         particles.saturating_mul(per_particle),
         whole(frames, SERIES_CHUNK).saturating_mul(per_frame),
         (frame_rows as f64 * particles as f64 * (vectors + spins)) as u64,
