@@ -9,6 +9,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn quick_report_shows_haff_at_rounding_and_other_methods_with_larger_errors() {
     let haff = Haff::new();
     // With a peer that refuses every scene: this is reported, and the peer is omitted.

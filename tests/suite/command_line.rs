@@ -153,6 +153,7 @@ fn every_invalid_scene_gives_its_error_and_exit_status_2() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn every_scene_of_the_repository_passes_its_check() {
     let haff = Haff::new();
     for folder in ["configs", "configs/textbook", "configs/validation"] {
@@ -171,6 +172,7 @@ fn every_scene_of_the_repository_passes_its_check() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn templates_are_valid_scenes() {
     let haff = Haff::new();
     let (_, list, _) = haff.run(&["init", "--list"]);
@@ -509,6 +511,7 @@ fn bouncing_ball_ends_at_rest() {
 
 /// A file-size limit instead of a full disk: writes beyond it fail in the same way.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_full_disk_ends_the_run_with_exit_status_4_and_keeps_the_data() {
     // SIGXFSZ, unless it is ignored, is sent at the limit.
     for signal in ["trap '' XFSZ; ", ""] {

@@ -19,6 +19,7 @@ temperature = 1.0
 "#;
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn growth_ends_on_a_packing_fraction_at_once_and_resumed() {
     let haff = Haff::new();
     let scene = haff.write("grow.toml", &format!("{GROWTH}until_packing_fraction = 0.12\n"));
@@ -103,6 +104,7 @@ species = [{ name = "disk", count = 5, radius = 0.5, mass = 1.0 }]
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn an_elastic_compression_past_jamming_ends() {
     let haff = Haff::new();
     // Without a thermostat the particles are heated ever more, and jamming takes infinitely many collisions.

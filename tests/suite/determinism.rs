@@ -59,6 +59,7 @@ fn interrupt(haff: &Haff, file: &str, arguments: &[&str], signal: Signal, time: 
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn an_interrupted_run_resumes_to_the_state_of_an_uninterrupted_one() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);
@@ -132,6 +133,7 @@ fn recorded(haff: &Haff, file: &str) -> Vec<Value> {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_linkage_killed_repeatedly_resumes_to_the_state_of_an_uninterrupted_one() {
     let haff = Haff::new();
     // Bobs that collide away from the bottom, strings that go slack: thousands of events of all kinds.
@@ -165,6 +167,7 @@ fn a_linkage_killed_repeatedly_resumes_to_the_state_of_an_uninterrupted_one() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn wall_time_stops_a_run_that_can_be_resumed() {
     let haff = Haff::new();
     let scene = haff.write("gas.toml", GAS);

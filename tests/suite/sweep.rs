@@ -146,6 +146,7 @@ fn interrupted(haff: &Haff, arguments: &[&str], signal: Signal) -> Option<i32> {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_stopped_or_killed_sweep_continues_from_its_checkpoints() {
     let haff = Haff::new();
     haff.write("gas.toml", GAS);

@@ -106,6 +106,7 @@ fn soft_spheres_have_the_given_restitution() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn error_of_the_engine_in_a_gas_is_rounding_amplified_by_chaos() {
     for (boundary, phi) in [(Boundary::Periodic, 0.05), (Boundary::Wall, 0.05), (Boundary::Periodic, 0.3)] {
         let solution = by_reference(boundary, phi, 4);
@@ -146,6 +147,7 @@ fn reference_conserves_energy() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn all_searches_give_one_trajectory_with_the_error_of_a_rounded_state() {
     let solution = by_reference(Boundary::Periodic, 0.05, 5);
     let growth = growth::measure(&solution, 256, 1).unwrap();

@@ -304,11 +304,13 @@ proptest! {
     })]
 
     #[test]
+    #[ignore = "long: scripts/test all"]
     fn cells_are_complete(scene in scene()) {
         check_completeness::<Cells>(&scene, 300)?;
     }
 
     #[test]
+    #[ignore = "long: scripts/test all"]
     fn all_pairs_are_complete(scene in scene()) {
         check_completeness::<AllPairs>(&scene, 300)?;
     }

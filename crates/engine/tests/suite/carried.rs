@@ -191,6 +191,7 @@ fn layer(dimension: Dimension, e: f64, gamma: f64) -> System {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_of_a_layer_with_carried_grains_is_independent_of_search_slices_and_resumption() {
     for dimension in [Dimension::Three, Dimension::Two] {
         for gamma in [0.8, 1.6] {

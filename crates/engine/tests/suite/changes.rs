@@ -318,6 +318,7 @@ fn changed(change: impl Fn(&mut System)) -> (Simulation, System) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_run_goes_on_in_a_system_with_other_laws_walls_and_gravity() {
     let (mut simulation, system) = changed(|system| {
         set_restitution(system, 0.4);

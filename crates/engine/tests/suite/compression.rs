@@ -41,6 +41,7 @@ fn roughen(scene: &mut System, beta: f64, mu: f64) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_under_compression_is_independent_of_search_slices_and_resumption() {
     for (rates, seed) in [
         (DVec3::splat(0.05), 1),
@@ -198,6 +199,7 @@ fn lists_are_used_while_a_box_becomes_small() {
 
 /// Lists and windows have the trajectory of cells, in dilute and dense boxes.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn all_searches_have_one_trajectory_while_a_box_becomes_dense() {
     for (n, packing, rates, e) in [
         (12, 0.02, DVec3::splat(0.01), 0.9),

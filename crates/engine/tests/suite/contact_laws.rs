@@ -165,6 +165,7 @@ fn a_ball_comes_to_rest_by_random_coefficients() {
 
 /// Grains whose coefficient is drawn are put to rest on a floor and on each other.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn grains_with_random_coefficients_come_to_rest() {
     let mut scene = grains(random_law(), true, 9);
     scene.contacts.rest_speed = 0.05;

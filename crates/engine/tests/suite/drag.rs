@@ -96,6 +96,7 @@ fn contact_times_with_walls_are_those_of_the_closed_form() {
 
 /// Two spheres whose paths cross, with times over eight orders of magnitude of τ.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn contact_times_of_pairs_are_those_of_the_closed_form() {
     let mut random = Random(41);
     let mut contacts = 0;
@@ -161,6 +162,7 @@ fn rough(mut scene: System, rotational: bool) -> System {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn the_trajectory_is_independent_of_search_threads_slices_and_resumption() {
     let times = [0.1, 1.0, 1.3, 6.0];
     for dimension in [Dimension::Three, Dimension::Two] {
@@ -233,6 +235,7 @@ fn rotations_decay_like_velocities_if_they_are_damped() {
 /// Without collisions, drag and white noise give T = m ξ₀² τ/2 at any rate of kicks, and the distribution of
 /// velocities has the excess kurtosis 3/(ν τ).
 #[test]
+#[ignore = "long: scripts/test all"]
 fn white_noise_and_drag_are_an_ornstein_uhlenbeck_process() {
     let count = 20_000;
     for (tau, rate) in [(0.4, 10.0), (1.5, 2.0)] {

@@ -43,6 +43,7 @@ fn kinds() -> [DriveKind; 5] {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_of_a_driven_gas_is_independent_of_search_threads_slices_and_resumption() {
     for kind in kinds() {
         for dimension in [Dimension::Three, Dimension::Two] {
@@ -138,6 +139,7 @@ fn check_contact_duration(log: &[EventRecord], bodies: usize, tc: f64) -> [usize
 /// The contact duration counts from the last contact. Kicks, whether of all particles or of one, and changes
 /// from outside set anchors, but are no contacts.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn the_contact_duration_counts_from_the_last_contact_whatever_else_happens_to_a_particle() {
     let tc = 0.05;
     let mut drives = kinds().map(Some).to_vec();

@@ -87,6 +87,7 @@ fn check_balances(simulation: &mut Simulation, momentum_before: DVec3) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_flow_is_independent_of_search_threads_slices_and_resumption() {
     for (name, scene, times) in [
         ("duct", duct(200), [1.0, 3.5, 11.0, 40.0]),
@@ -106,6 +107,7 @@ fn a_flow_is_independent_of_search_threads_slices_and_resumption() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn numbers_energy_and_momentum_are_in_balance() {
     let wanted = passages(3000);
     let count = u32::try_from(wanted).unwrap();
@@ -172,6 +174,7 @@ fn events_name_particles_by_their_place_in_the_list() {
 
 /// An empty box fills at the stated rate: the number of entries in a time is that of a Poisson process.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn entries_are_a_poisson_process() {
     let (rate, until) = (40.0, 50.0);
     let mut scene = system(Dimension::Three, DVec3::splat(40.0), [Boundary::Wall; 3]);
@@ -194,6 +197,7 @@ fn entries_are_a_poisson_process() {
 
 /// Without an end to what comes back, nothing grows: neither the world nor what a checkpoint saves.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_closed_circuit_keeps_its_size() {
     let mut simulation = Simulation::new(fountain(0.1), Options::default()).unwrap();
     run(&mut simulation, 50.0);

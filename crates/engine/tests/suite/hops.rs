@@ -46,6 +46,7 @@ fn events(simulation: &Simulation) -> u64 {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn bounces_on_top_of_a_fixed_disk_end() {
     for e in [0.0, 0.4, 0.9] {
         let scene = above_a_fixed_disk(e, DVec3::Y * 1.5);

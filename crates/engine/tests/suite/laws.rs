@@ -81,6 +81,7 @@ fn rebound_height_is_e_squared_and_rest_is_reached_in_finite_time() {
 
 /// Slower bounces are more elastic, but the sum of their durations is finite.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_ball_comes_to_rest_under_laws_that_depend_on_the_speed() {
     let cutoff = |restitution, speed, exponent| Restitution::Cutoff { restitution, speed, exponent };
     for (law, p) in [
@@ -292,6 +293,7 @@ fn a_reversed_elastic_fluid_retraces_its_path() {
 /// The energy error of an elastic gas is a random walk. With a unit normal in the impact, the energy would
 /// rise by 1.4 ε T per collision.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn energy_error_of_an_elastic_gas_has_no_drift() {
     let mut random = Random(12);
     let collisions = 200_000;

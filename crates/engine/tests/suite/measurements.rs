@@ -261,6 +261,7 @@ fn an_oscillating_floor_carries_the_weight_of_a_grain_on_average() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_nearly_collisionless_gas_carries_the_heat_of_theory_from_wall_to_wall() {
     // Free-molecular flow: T = √(T₁T₂), heat flux 2n√(2T₁T₂/(πm)) (√T₁ − √T₂).
     let (hot, cold, edge) = (4.0, 1.0, 10.0);

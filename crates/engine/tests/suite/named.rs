@@ -257,6 +257,7 @@ fn beside_a_sphere(
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_gas_beside_a_sphere_is_independent_of_search_threads_slices_and_resumption() {
     for dimension in [Dimension::Three, Dimension::Two] {
         let count = if dimension == Dimension::Three { 300 } else { 100 };

@@ -92,6 +92,7 @@ fn sizes(ratio: f64, count: usize, seed: u64) -> System {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_of_a_wide_range_of_sizes_is_independent_of_search() {
     for (ratio, count) in [(3.0, 700), (10.0, 1500), (30.0, 1500)] {
         let scene = sizes(ratio, count, ratio as u64);

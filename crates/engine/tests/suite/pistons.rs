@@ -163,6 +163,7 @@ fn an_elastic_gas_under_a_piston_retraces_its_path() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn the_balance_stays_closed_in_a_long_run() {
     for (e, gravity) in [(1.0, 0.0), (1.0, 0.5)] {
         let mut simulation = Simulation::new(press(e, gravity, [2.0, 30.0]), Options::default()).unwrap();

@@ -56,6 +56,7 @@ fn assert_supported(scene: &System, frame: &Frame, gap: f64) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn heaps_come_to_rest_after_finitely_many_events() {
     for (dimension, count, width) in [(Dimension::Three, 40, 3.3), (Dimension::Two, 30, 5.3)] {
         for e in [0.0, 0.01, 0.3, 0.5, 0.9] {
@@ -117,6 +118,7 @@ fn heaps_come_to_rest_after_finitely_many_events() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn rest_is_independent_of_search_and_checkpoints() {
     for (k, e) in [0.0, 0.01, 0.3, 0.5, 0.9].into_iter().enumerate() {
         for dimension in [Dimension::Three, Dimension::Two] {

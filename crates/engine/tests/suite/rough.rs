@@ -108,6 +108,7 @@ fn rough_impacts_conserve_momentum_and_angular_momentum() {
 
 /// e = β = 1: a million impacts conserve the energy, which is shared equally by all degrees of freedom.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn perfectly_rough_elastic_spheres_conserve_energy_and_reach_equipartition() {
     let mut scene = gas(8, 0.2, 1.0, 3);
     roughen(&mut scene, law(1.0, FREE), 0.0, 4);
@@ -136,6 +137,7 @@ fn perfectly_rough_elastic_spheres_conserve_energy_and_reach_equipartition() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn thermal_walls_set_the_spin() {
     for (dimension, q) in [(Dimension::Three, 0.4), (Dimension::Two, 0.5)] {
         let (count, temperature, mass, radius) = (20, 1.7, 2.0, 0.3);

@@ -87,6 +87,7 @@ fn assert_same_trajectory(name: &str, system: &System, until: Until) -> usize {
 
 /// Size ratios of 30 and 100, in boxes of little more than one to three diameters of the large particle.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn windows_support_very_unequal_sizes() {
     for (large, small, edge, boundary) in [
         (3.0, 0.1, 17.0, Boundary::Periodic),
@@ -122,6 +123,7 @@ fn trajectory_is_independent_of_search() {
 
 /// All features mixed, in 200 random systems.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_of_random_scenes_is_independent_of_search() {
     let mut events = 0;
     for seed in 0..200 {
@@ -429,6 +431,7 @@ fn a_gas_resumed_with_windows_equals_the_uninterrupted_run() {
 /// Close to the densest packing, where lists are longer than in any fluid; and one large particle among many
 /// small ones, whose list must overflow.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_of_crowded_systems_is_independent_of_search() {
     // A face-centered cubic crystal at φ = 0.7.
     let edge = (4.0 * std::f64::consts::PI / 6.0 / 0.7_f64).cbrt();

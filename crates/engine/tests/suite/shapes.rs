@@ -130,6 +130,7 @@ fn shapes() -> Vec<(&'static str, Vec<Wall>)> {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_gas_beside_shapes_is_independent_of_search_threads_slices_and_resumption() {
     for (name, walls) in shapes() {
         for (e, gravity) in [(1.0, DVec3::ZERO), (0.9, DVec3::ZERO), (0.95, DVec3::new(0.1, -0.2, -0.5))] {
@@ -334,6 +335,7 @@ fn species_that_pass_through_a_wall_are_never_stopped_by_it() {
 /// Closed billiards: a grain keeps its energy, and in a circle and a sphere its angular momentum, to
 /// rounding; with the velocity reversed it retraces its path.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn billiards_keep_energy_and_angular_momentum() {
     /// A stadium: all points at a distance from a line of finite length.
     #[derive(Debug)]
@@ -454,6 +456,7 @@ fn a_mesh_of_a_cube_is_six_walls() {
 
 /// Fast grains in containers whose walls meet in edges: none is outside after many contacts.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn nothing_leaks_through_edges() {
     let contacts = contacts(40_000);
     let wedge = Revolution::cone(DVec3::new(6.0, 6.0, 1.0), DVec3::Z, 0.3, [0.0, 9.0], Side::Inside);

@@ -43,6 +43,7 @@ fn roughen(scene: &mut System, beta: f64, mu: f64) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn trajectory_under_shear_is_independent_of_search_slices_and_resumption() {
     for (flow, gradient, rate, seed) in [(0, 1, 0.7, 1), (2, 0, -1.3, 2), (1, 2, 20.0, 3), (0, 1, 1e-3, 4)] {
         let mut scene = gas(5, 0.2, 0.8, seed);
@@ -69,6 +70,7 @@ fn trajectory_under_shear_is_independent_of_search_slices_and_resumption() {
 /// Boxes that are many times longer along the flow than along the gradient: images are displaced by up to
 /// half of an edge, many times as far as the faces are apart.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn windows_and_lists_run_boxes_of_any_ratio() {
     for (ratio, dimension) in [(8.0, Dimension::Three), (25.0, Dimension::Three), (60.0, Dimension::Two)] {
         let size = DVec3::new(3.0 * ratio, 3.0, 3.0);
@@ -259,6 +261,7 @@ fn mean_velocity_grows_linearly_along_the_gradient() {
 
 /// Windows follow the images over many edges, in boxes of several shapes, dilute and dense ones.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn windows_have_the_trajectory_of_cells_in_boxes_of_any_shape() {
     for (shape, packing, rate, e) in [
         ([12, 12, 12], 0.1, 1.0, 0.9),

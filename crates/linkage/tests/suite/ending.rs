@@ -150,6 +150,7 @@ fn check(name: &str, scene: &Scene, most: u64) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn series_of_impacts_end_wherever_bodies_bounce_on_each_other() {
     for (k, e) in [0.0, 0.2, 0.4, 0.6, 0.8, 0.9].into_iter().enumerate() {
         for n in 0..3 {

@@ -59,6 +59,7 @@ fn walk(masses: [f64; 2], sigma: f64, flat: bool, impacts: u32) -> (f64, f64) {
 
 /// A bias of 0.01 ε T an impact, which a correction of Newton's law alone leaves, would be detected.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn energy_and_momentum_of_an_elastic_gas_do_not_drift() {
     for (masses, sigma, flat) in [
         ([1.0, 1.0], 1.0, false),
@@ -171,6 +172,7 @@ impl RoughGas {
 /// of the normal causes one of 0.1 to 2.5 ε T. What is left, in 8·10⁶ impacts, is 0.02 ε T where R = 0.4 is
 /// rounded on walls along an axis, and less elsewhere.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn the_energy_of_elastic_rough_spheres_does_not_drift() {
     const SPHERE: [f64; 3] = [1.0, 0.5, 0.4];
     const DISK: [f64; 3] = [1.0, 0.5, 0.5];

@@ -105,7 +105,11 @@ fn unknown_keys_are_found_in_tables_of_every_form() {
         assert!(message.contains(&format!("{key}: unknown key")), "{key} in\n{message}");
     }
     assert!(message.contains("spring.0 = 5: must be a table, not an integer"), "{message}");
-    assert!(message.contains("did you mean `between`?") && message.contains("(allowed: log)"), "{message}");
+    assert!(
+        message.contains("did you mean `between`?")
+            && message.contains("(allowed: log, collisions_per_particle)"),
+        "{message}"
+    );
 }
 
 #[test]

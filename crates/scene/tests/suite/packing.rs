@@ -227,22 +227,3 @@ fn expected_collision_rate_is_that_of_kinetic_theory() {
     let found = scene(&text).collision_rate;
     assert!((found / expected - 1.0).abs() < 1e-12, "ω = {found}, theory {expected}");
 }
-
-/// Times of large scenes, by hand: `cargo test --release -p haff-scene --test suite packing -- --ignored
-/// --nocapture`.
-#[test]
-#[ignore = "takes a minute; prints times"]
-fn large_scenes_are_assembled_quickly() {
-    for (positions, fraction, count) in [
-        ("fcc", 0.05, 1_000_000),
-        ("fcc", 0.49, 1_000_000),
-        ("random", 0.1, 1_000_000),
-        ("random", 0.3, 1_000_000),
-        ("random", 0.5, 100_000),
-    ] {
-        let text = gas(&format!("{{ packing_fraction = {fraction} }}"), count, positions, "");
-        let start = std::time::Instant::now();
-        assert_eq!(scene(&text).system.bodies.len(), count);
-        println!("{positions} at {fraction}, {count} particles: {:.2} s", start.elapsed().as_secs_f64());
-    }
-}

@@ -77,6 +77,7 @@ fn end(scene: &System, neighbors: NeighborChoice, blocks: Option<u16>) -> (Strin
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn lists_of_falling_resting_and_carried_grains_have_the_events_of_all_pairs() {
     let rough = Roughness { tangential_restitution: 0.4, friction: 0.3 };
     let down = DVec3::new(0.0, 0.0, -1.0);
@@ -132,6 +133,7 @@ fn lists_of_falling_resting_and_carried_grains_have_the_events_of_all_pairs() {
 /// Of the largest contact distance, that of the two largest particles, the radius of a particle that is
 /// larger than all others is more than half.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn a_particle_larger_than_all_others_touches_every_wall() {
     for seed in 0..12 {
         let mut scene = spheres(12.0, [Boundary::Wall; 3], &[], (1.0, DVec3::ZERO), seed);

@@ -27,6 +27,7 @@ fn run(system: &System, neighbors: NeighborChoice, blocks: Option<u16>) -> Resul
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn each_search_runs_what_it_says_and_refuses_the_rest() {
     let mut shared = 0;
     for (feature, system) in features() {

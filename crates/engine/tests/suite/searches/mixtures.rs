@@ -38,6 +38,7 @@ fn run(system: &System, neighbors: NeighborChoice) -> Option<f64> {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn no_mixture_takes_twice_the_work_of_the_best_search() {
     let mut largest = 0.0_f64;
     for seed in 0..60 {

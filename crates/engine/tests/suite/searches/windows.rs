@@ -177,6 +177,7 @@ fn clusters_in_large_boxes_cost_no_more_than_gases() {
 
 /// A dense cluster starts with lists; after it has dispersed, windows are faster and replace them.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn an_unprofitable_engine_is_replaced() {
     let scene = cluster(20, 0.52, 1.0, DVec3::splat(60.0), 33);
     let start = Simulation::new(scene.clone(), Options::default()).unwrap();

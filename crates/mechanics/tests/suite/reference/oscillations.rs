@@ -164,6 +164,7 @@ fn check(waveform: Waveform, name: &str) {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn contacts_with_a_sine_plate_are_those_of_400_bits() {
     check(Waveform::Sine, "sine plates");
 }

@@ -483,18 +483,21 @@ fn run(name: &str, share: f64, seed: u64, case: fn(&mut Draw) -> Case) -> Worst 
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn impacts_of_rough_pairs_are_those_of_newton_and_euler() {
     let worst = run("rough pairs", 0.5, 0x5eed_0031, pair);
     assert!(worst.slides > worst.cases / 5 && worst.none < worst.cases / 3, "unbalanced cases: {worst:?}");
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn impacts_on_rough_walls_are_those_of_newton_and_euler() {
     let worst = run("rough walls", 0.25, 0x5eed_0032, wall);
     assert!(worst.slides > worst.cases / 5 && worst.none < worst.cases / 3, "unbalanced cases: {worst:?}");
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn impacts_on_spinning_bodies_of_infinite_mass_are_those_of_newton_and_euler() {
     let worst = run("rough bodies of infinite mass", 0.25, 0x5eed_0033, fixed);
     assert!(worst.slides > worst.cases / 5 && worst.none < worst.cases / 3, "unbalanced cases: {worst:?}");
@@ -503,6 +506,7 @@ fn impacts_on_spinning_bodies_of_infinite_mass_are_those_of_newton_and_euler() {
 
 /// Check of the criteria: on the same cases they reject wrong formulae, and right ones that lose digits.
 #[test]
+#[ignore = "long: scripts/test all"]
 fn the_criteria_reject_wrong_tangential_impacts() {
     let one_inertia: Kernel = |case| {
         let [a, b] = case.bodies;

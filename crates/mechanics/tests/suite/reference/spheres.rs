@@ -143,6 +143,7 @@ fn run(name: &str, bound: f64, kernel: Kernel, cases: impl Iterator<Item = Case>
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn straight_contacts_are_exact_to_a_few_ulp() {
     run("spheres, straight", STRAIGHT, straight, cases::straight(40_000));
 }
@@ -154,6 +155,7 @@ fn straight_contacts_are_exact_in_extreme_units() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn curved_contacts_are_exact_to_a_few_ulp() {
     run("spheres, accelerated", CURVED, curved, cases::curved(20_000));
 }
@@ -165,11 +167,13 @@ fn curved_contacts_are_exact_in_extreme_units() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn grazing_curved_contacts_are_found_exactly_when_they_exist() {
     run("spheres, accelerated, grazing", CURVED, curved, cases::curved_grazing(12_000));
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn bounces_from_contact_return_at_the_exact_time() {
     run("spheres, accelerated, from contact", CURVED, curved, cases::curved_from_contact(12_000));
 }
