@@ -6,11 +6,14 @@ maturin puts either an extension or binaries into a wheel, never both (github.co
 
 from __future__ import annotations
 
+import gzip
 import json
+import os
 import shutil
 import subprocess
 import tarfile
 import tempfile
+from collections.abc import Mapping, Sequence
 from email import message_from_bytes
 from pathlib import Path
 
@@ -52,6 +55,9 @@ prepare_metadata_for_build_editable = prepare_metadata_for_build_wheel
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     gather_data()
+    if config := os.environ.get("HAFF_CARGO_CONFIG"):
+        # The same build for the extension.
+        os.environ["MATURIN_PEP517_ARGS"] = f"{os.environ.get('MATURIN_PEP517_ARGS', '')} --config {config}".strip()
     return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
 
 
@@ -66,16 +72,32 @@ def build_sdist(sdist_directory, config_settings=None):
     with tempfile.TemporaryDirectory() as folder:
         metadata = Path(folder) / prepare_metadata_for_build_wheel(folder) / "METADATA"
         name = f"haff-{message_from_bytes(metadata.read_bytes())['Version']}"
-        with tarfile.open(Path(sdist_directory) / f"{name}.tar.gz", "w:gz") as archive:
-            for path in filter(None, listed.split("\0")):
-                archive.add(path, f"{name}/{path}")
-            archive.add(metadata, f"{name}/PKG-INFO")
+        paths = {Path(path): f"{name}/{path}" for path in sorted(filter(None, listed.split("\0")))}
+        time = int(os.environ.get("SOURCE_DATE_EPOCH", "315532800"))  # 1980, as of the files in a wheel
+        write_archive(Path(sdist_directory) / f"{name}.tar.gz", paths | {metadata: f"{name}/PKG-INFO"}, time)
     return f"{name}.tar.gz"
 
 
-def gather_data() -> None:
+def write_archive(target: Path, paths: Mapping[Path, str], time: int) -> None:
+    """Files by their names in an archive, all of one time and of no owner: equal files give equal archives."""
+
+    def plain(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+        entry.mtime, entry.uid, entry.gid, entry.uname, entry.gname = time, 0, 0, "", ""
+        entry.mode = 0o755 if entry.mode & 0o100 else 0o644
+        return entry
+
+    with (
+        open(target, "wb") as file,
+        gzip.GzipFile("", "wb", fileobj=file, mtime=time) as packed,
+        tarfile.open(mode="w", fileobj=packed, format=tarfile.PAX_FORMAT) as archive,
+    ):
+        for path, name in paths.items():
+            archive.add(path, name, filter=plain)
+
+
+def gather_data(cargo: Sequence[str] = ("cargo", "rustc"), environment: Mapping[str, str] | None = None) -> None:
     """Builds the command and lays out what goes beside the package, as in the environment's root."""
-    command = build_command()
+    command = build_command(cargo, environment)
     shutil.rmtree(DATA, ignore_errors=True)
     scripts = DATA / "scripts"
     scripts.mkdir(parents=True)
@@ -88,11 +110,22 @@ def gather_data() -> None:
         path.write_bytes(subprocess.run([command, "completions", shell], stdout=subprocess.PIPE, check=True).stdout)
 
 
-def build_command() -> Path:
+def build_command(cargo: Sequence[str], environment: Mapping[str, str] | None) -> Path:
     """Builds `haff` with the features of the extension, which then needs no other build; strips it."""
-    cargo = ["cargo", "rustc", "--release", "--locked", "--features", "python", "--bin", "haff"]
-    cargo += ["--message-format", "json-render-diagnostics"]
-    built = subprocess.run([*cargo, "--", "-C", "strip=symbols"], stdout=subprocess.PIPE, text=True, check=False)
+    # A file of settings of cargo, such as packaging/tests.toml.
+    config = os.environ.get("HAFF_CARGO_CONFIG")
+    build = [
+        *cargo,
+        *(["--config", config] if config else []),
+        "--release",
+        "--locked",
+        "--features",
+        "python",
+        "--bin",
+        "haff",
+    ]
+    build += ["--message-format", "json-render-diagnostics", "--", "-C", "strip=symbols"]
+    built = subprocess.run(build, stdout=subprocess.PIPE, text=True, check=False, env=environment)
     if built.returncode != 0:
         raise SystemExit(f"cargo could not build the command haff (exit status {built.returncode}); see above")
     messages = map(json.loads, filter(None, built.stdout.splitlines()))
