@@ -1,9 +1,9 @@
 """The files of a release: wheels, an sdist, the command alone without libraries, and their checksums.
 
 `scripts/release` calls this in a clone of a commit. The libraries are built by zig, so that the wheel runs wherever
-there is glibc 2.28 (manylinux_2_28), and by one build for all Pythons from 3.10 on (abi3). Paths, times and names of this
-machine are kept out of the files, so that the same commit, the same versions of Rust and of packaging/release.txt give
-the same bytes.
+there is glibc 2.28 (manylinux_2_28), and by one build for all Pythons from 3.10 on (abi3). Paths, times and names of
+this machine are kept out of the files, so that the same commit, the same versions of Rust and of packaging/release.txt
+give the same bytes.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def wheel(folder: Path, environment: dict[str, str]) -> None:
 
 
 def static(folder: Path, environment: dict[str, str]) -> None:
-    """The command with the C library linked in, which needs no other file: an archive with man pages and completions."""
+    """The command with the C library linked in, which needs no other file; man pages and completions beside it."""
     target = host()
     flags = f"{environment['RUSTFLAGS']} -C target-feature=+crt-static"
     haff_build.gather_data(["cargo", "rustc", "--target", target], environment | {"RUSTFLAGS": flags})

@@ -32,14 +32,19 @@ def overlapping(boxes):
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (720, 480), (480, 800), (390, 800), (360, 640), (800, 360)])
 def test_no_part_covers_another_or_leaves_the_window(show, gas, width, height):
     page = show(gas, width=width, height=height)
-    for number, coloring in ((None, "species"), (None, "recent"), (7, "speed"), (7, "density")):
+    folded = page.is_visible("#more")
+    for more, number, coloring in (
+        (False, None, "species"), (True, None, "species"), (False, None, "recent"), (False, 7, "speed"),
+        (True, 7, "density"),
+    ):  # fmt: skip
+        page.evaluate(f"haffView.player.showMore({str(more).lower()})")
         page.evaluate(f"haffView.player.inspector.choose({'null' if number is None else number})")
         page.evaluate(f"haffView.player.colors.choose('{coloring}')")
         page.wait_for_function("(haffView.player.draw(), !beside.textContent.includes('…'))")
         parts = page.evaluate(BOXES, list(PARTS))
         assert not list(overlapping(parts)), f"{width}×{height}, {coloring}"
         controls = page.evaluate(BOXES, [CONTROLS])
-        assert len({name for name, *_ in controls}) > 15
+        assert len({name for name, *_ in controls}) > (5 if folded and not more else 15)
         # What is beside the scene may be longer than that, and scrolls there.
         if width <= 600 or (number is None and height >= 480):
             assert not list(overlapping(controls)), f"{width}×{height}, {coloring}"

@@ -6,7 +6,7 @@ in that way, for `haff run` and for each member of a sweep, [`continued`] goes o
 file. [`report`] is what a run prints, [`parts`] are the stretches between stops, [`states`] reads states of
 other files, [`ties`] finds simultaneous contacts at the start, [`starting`] also keeps the growth of a
 packing, [`warnings`] says what a scene will probably do, [`estimate`] how much memory it takes.
-[`schedule`] has the times of records, [`controls`] what ends a run from outside, [`compressing`] the ends
+[`controls`] what ends a run from outside, [`compressing`] the ends
 of runs whose box shrinks.
 
 *What to change here.* What a run does at its times, and what it reports.
@@ -23,7 +23,6 @@ pub mod estimate;
 pub mod parts;
 pub mod python;
 pub mod report;
-pub mod schedule;
 pub mod session;
 pub mod single;
 pub mod starting;

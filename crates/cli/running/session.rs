@@ -7,10 +7,10 @@ use console::Term;
 use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until, significant};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
 use haff_record::{RecordError, Recorder};
-use haff_scene::{Grown, GrowthEnd, OutputPlan, RunPlan, UntilOf};
+use haff_scene::{Due, Grown, GrowthEnd, OutputPlan, Records, RunPlan, Times, UntilOf};
 
 use crate::{
-    running::{compressing, controls::Controls, schedule::Times},
+    running::{compressing, controls::Controls},
     terminal::{progress::Progress, watch::Watch},
 };
 
@@ -177,15 +177,6 @@ pub struct Recorded {
     pub sample: Option<f64>,
 }
 
-/// Records that a number of collisions asks for.
-#[derive(Debug, Clone, Copy, Default)]
-struct Counted {
-    /// The instant after whose events they are due \[time\].
-    time: f64,
-    frame: bool,
-    sample: bool,
-}
-
 /// The inputs of a run.
 pub struct Session<'a> {
     pub simulation: AnySimulation,
@@ -248,12 +239,12 @@ impl Session<'_> {
         };
         // A checkpoint may have the time of a record that was not yet written.
         let Recorded { frame, sample } = self.recorded;
-        let mut frames = plan(self.output.frames, frame.unwrap_or(from));
-        let mut samples = if self.controls.watch {
+        let samples = if self.controls.watch {
             Times::after(self.output.observables, from)
         } else {
             plan(self.output.observables, sample.unwrap_or(from))
         };
+        let mut records = Records::new(plan(self.output.frames, frame.unwrap_or(from)), samples);
         let mut checkpoints =
             plan(self.output.checkpoint.map_or(haff_scene::Schedule::Off, haff_scene::Schedule::Every), from);
         let mut progress = self.controls.progress.clone();
@@ -267,8 +258,6 @@ impl Session<'_> {
         let collisions = self.run.collisions.unwrap_or(u64::MAX);
         let interval = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
         let mut slice = SLICE;
-        // Records for which there have been enough collisions: at the end of this instant.
-        let mut counted: Option<Counted> = None;
         let mut saved = Instant::now();
         let mut log = EventLog {
             recorder: self.recorder,
@@ -278,14 +267,12 @@ impl Session<'_> {
         };
 
         let ending = loop {
-            let due = frames.next().min(samples.next()).min(checkpoints.next());
             let done = self.simulation.counters().collisions;
             let step = self.run.growth.map_or(u64::MAX, |growth| growth.next(done));
-            let [frame_at, sample_at] = [frames.collisions(done), samples.collisions(done)];
-            let instant = counted.map_or(f64::INFINITY, |counted| counted.time);
+            let (time, count) = records.next(done);
             let target = Until {
-                time: due.min(until).min(instant),
-                collisions: collisions.min(step).min(frame_at).min(sample_at),
+                time: time.min(checkpoints.next()).min(until),
+                collisions: collisions.min(step).min(count),
                 entries: slice,
             };
             let began = Instant::now();
@@ -305,14 +292,7 @@ impl Session<'_> {
                 }
                 Ok(Stop::Collisions) => {
                     let now = self.simulation.counters().collisions;
-                    if now >= frame_at || now >= sample_at {
-                        let before = counted.unwrap_or_default();
-                        counted = Some(Counted {
-                            time: self.simulation.time(),
-                            frame: before.frame || now >= frame_at,
-                            sample: before.sample || now >= sample_at,
-                        });
-                    }
+                    records.count(self.simulation.time(), done, now);
                     if now >= step {
                         let row = self.has_rows_of_growth();
                         self.record(false, row, &mut |sample| show(&mut watch, &progress, sample))?;
@@ -322,9 +302,7 @@ impl Session<'_> {
                     }
                 }
                 Ok(Stop::Time) => {
-                    let due = counted.take_if(|counted| counted.time <= target.time).unwrap_or_default();
-                    let frame = frames.take(target.time) || due.frame;
-                    let sample = samples.take(target.time) || due.sample;
+                    let Due { frame, sample } = records.take(target.time);
                     let checkpoint = checkpoints.take(target.time);
                     if target.time >= until {
                         break self.run.until_of.into();
@@ -338,8 +316,7 @@ impl Session<'_> {
                 }
                 Ok(Stop::Slice) => {}
             }
-            // A run that goes on from here would not know of these records.
-            if counted.is_some() {
+            if records.is_pending() {
                 continue;
             }
             if let Some(signal) = self.controls.signals.received() {

@@ -2,8 +2,11 @@
 
 use haff_engine::Fault;
 use haff_linkage::AnySimulationError;
+use haff_record::RecordError;
 use haff_scene::{Code, ErrorKind, Place, SceneError, SceneErrors, Words};
 use pyo3::{import_exception, intern, prelude::*, types::PyDict};
+
+use crate::recording::Ended;
 
 mod python {
     use super::import_exception;
@@ -67,6 +70,19 @@ fn problem(py: Python<'_>, error: &SceneError, has_file: bool) -> PyResult<Py<Py
 /// An argument that is not possible.
 pub fn argument(why: String) -> PyErr {
     python::ArgumentError::new_err(why)
+}
+
+/// A file that cannot be written.
+pub fn record(error: &RecordError) -> PyErr {
+    python::FileError::new_err(error.to_string())
+}
+
+/// What has ended a simulation that is recorded.
+pub fn ended(py: Python<'_>, ended: &Ended, name: &str) -> PyErr {
+    match ended {
+        Ended::Simulation(error) => simulation(py, error, name),
+        Ended::Record(error) => record(error),
+    }
 }
 
 /// Threads that the system does not give.

@@ -11,6 +11,24 @@ pub struct Log {
     pub enabled: bool,
     pub rows: Vec<EventRecord>,
     pub profiles: Vec<ProfileRow>,
+    /// How many of the rows are in the file.
+    pub recorded: usize,
+    /// How many rows of profiles are.
+    pub recorded_profiles: usize,
+}
+
+impl Log {
+    /// Gives the rows to Python.
+    pub fn take_rows(&mut self) -> Vec<EventRecord> {
+        self.recorded = 0;
+        std::mem::take(&mut self.rows)
+    }
+
+    /// Gives the rows of profiles to Python.
+    pub fn take_profiles(&mut self) -> Vec<ProfileRow> {
+        self.recorded_profiles = 0;
+        std::mem::take(&mut self.profiles)
+    }
 }
 
 impl Observer for Log {

@@ -14,6 +14,7 @@ mod events;
 mod keys;
 mod measured;
 mod observables;
+mod recording;
 mod scenes;
 mod simulation;
 mod text;

@@ -1,13 +1,13 @@
 //! A simulation that Python advances.
 
-use std::{cell::RefCell, sync::Arc};
+use std::{cell::RefCell, path::PathBuf, sync::Arc};
 
 use glam::DVec3;
 use haff_engine::{
     Boundary, Change, Domain, EngineError, EventKind, Grid, NewParticle, Sizes, Stop, Term, Until,
 };
 use haff_linkage::AnySimulation;
-use haff_scene::Scene;
+use haff_scene::{Due, OutputPlan, Scene};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use parking_lot::{ArcMutexGuard, Mutex, MutexGuard, RawMutex};
 use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
@@ -17,6 +17,7 @@ use crate::{
     errors, events,
     keys::{self, Described, Refused},
     measured, observables,
+    recording::{Ended, Recording, Texts},
     scenes::{Files, Source},
     threads::Threads,
 };
@@ -47,6 +48,8 @@ struct Moving {
     simulation: AnySimulation,
     threads: Threads,
     log: events::Log,
+    /// The output file.
+    recording: Option<Recording>,
     /// Whether the state has been changed from outside.
     changed: bool,
 }
@@ -131,14 +134,22 @@ impl Simulation {
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (source, *, threads=None, events=false))]
+    #[pyo3(signature = (source, *, threads=None, events=false, file=None, overwrite=false, room=0))]
     // Taken from a dict, by value.
     #[allow(clippy::needless_pass_by_value)]
-    fn new(py: Python<'_>, source: Source, threads: Option<usize>, events: bool) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        source: Source,
+        threads: Option<usize>,
+        events: bool,
+        file: Option<PathBuf>,
+        overwrite: bool,
+        room: u32,
+    ) -> PyResult<Self> {
         let own_threads = threads;
         let mut threads = Threads::new(own_threads);
         let files = Files::default();
-        let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, .. } =
+        let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, output, .. } =
             source.scene(py, &files)?;
         let properties = |body: &haff_engine::Body| {
             let class = &system.classes[body.class as usize];
@@ -150,19 +161,39 @@ impl Simulation {
         let (dimension, domain, species_names) =
             (system.dimension.count(), system.domain, system.species.clone());
         let (sizes, grids) = (Sizes::of(&system), system.measure.profiles.clone());
-        let described = Mutex::new(Described::of(&system, resolved, !joints.springs.is_empty()));
+        let springs = !joints.springs.is_empty();
+        let texts = Texts {
+            title: title.clone(),
+            resolved: resolved.clone(),
+            seed,
+            springs,
+            conserved_momentum: joints.conserved_momentum(&system),
+        };
+        let described = Mutex::new(Described::of(&system, resolved, springs));
+        let output = OutputPlan { file, ..output };
+        let recording = Recording::create(&output, &system, texts, room, overwrite, events)
+            .map_err(|error| errors::record(&error))?;
         let start = || AnySimulation::new(system, joints, options);
         let simulation = py
             .detach(|| threads.run(start))
             .map_err(errors::threads)?
             .map_err(|error| errors::simulation(py, &error, source.name()))?;
+        let is_logged = events || recording.as_ref().is_some_and(Recording::wants_events);
+        let mut moving = Moving {
+            simulation,
+            threads,
+            log: events::Log { enabled: is_logged, ..events::Log::default() },
+            recording,
+            changed: false,
+        };
+        if let Some(recording) = &mut moving.recording {
+            let first = Due { frame: true, sample: true };
+            recording
+                .record(&mut moving.simulation, first)
+                .map_err(|ended| errors::ended(py, &ended, source.name()))?;
+        }
         Ok(Self {
-            moving: Arc::new(Mutex::new(Moving {
-                simulation,
-                threads,
-                log: events::Log { enabled: events, ..events::Log::default() },
-                changed: false,
-            })),
+            moving: Arc::new(Mutex::new(moving)),
             own_threads,
             name: source.name().to_owned(),
             files,
@@ -187,8 +218,11 @@ impl Simulation {
         loop {
             let bounds = Until { time: until, collisions, entries: SLICE };
             let stop = self
-                .read(py, |Moving { simulation, log, .. }| simulation.advance(bounds, log))?
-                .map_err(|error| errors::simulation(py, &error, &self.name))?;
+                .read(py, |Moving { simulation, log, recording, .. }| match recording {
+                    Some(recording) => recording.advance(simulation, bounds, log),
+                    None => simulation.advance(bounds, log).map_err(Ended::Simulation),
+                })?
+                .map_err(|ended| errors::ended(py, &ended, &self.name))?;
             match stop {
                 Stop::Time => return Ok("until"),
                 Stop::Collisions => return Ok("collisions"),
@@ -196,6 +230,20 @@ impl Simulation {
                 Stop::Slice => py.check_signals()?,
             }
         }
+    }
+
+    /// Writes the end of the output file, and closes it.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        self.read(py, |Moving { simulation, log, recording, .. }| match recording.take() {
+            Some(recording) => recording.finish(simulation, log),
+            None => Ok(()),
+        })?
+        .map_err(|ended| errors::ended(py, &ended, &self.name))
+    }
+
+    /// Leaves the output file to the process that this one is a copy of.
+    fn abandon(&self) {
+        std::mem::forget(self.moving.lock().recording.take());
     }
 
     /// Changes the state: arrays `[N][3]` of all positions, velocities or angular velocities, rows of
@@ -235,15 +283,23 @@ impl Simulation {
             add: add.collect(),
         };
         let properties = self
-            .read(py, |Moving { simulation, log, changed, .. }| match simulation {
+            .read(py, |Moving { simulation, log, recording, changed, .. }| match simulation {
                 AnySimulation::Granular(granular) => {
-                    granular.change(&change, log)?;
+                    if let Some(recording) = recording {
+                        recording.has_room(change.add.len())?;
+                    }
+                    granular.change(&change, log).map_err(|error: EngineError| error.to_string())?;
                     *changed = true;
+                    if let Some(recording) = recording {
+                        let kind = |one: &NewParticle| (one.radius, one.mass, one.species);
+                        let added: Vec<_> = change.add.iter().map(kind).collect();
+                        recording.changed(&change.remove, &added).map_err(|error| error.to_string())?;
+                    }
                     Ok(Some(granular.properties()))
                 }
                 AnySimulation::Linkage(_) => Ok(None),
             })?
-            .map_err(|error: EngineError| errors::argument(error.to_string()))?;
+            .map_err(|error: String| errors::argument(error))?;
         let properties = properties.ok_or_else(|| {
             let why =
                 "the state cannot be changed: the scene has pendulums, springs, rods or sticking contacts";
@@ -351,13 +407,13 @@ impl Simulation {
     }
 
     fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.rows))?;
+        let rows = self.read(py, |moving| moving.log.take_rows())?;
         events::columns(py, &rows, self.described.lock().extra_columns)
     }
 
     /// The rows of profiles since the last call, by the letters of the axes.
     fn take_profiles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let rows = self.read(py, |moving| std::mem::take(&mut moving.log.profiles))?;
+        let rows = self.read(py, |moving| moving.log.take_profiles())?;
         measured::profiles(py, &self.grids, &rows, self.dimension)
     }
 

@@ -23,6 +23,21 @@ pub(crate) const CHECKPOINT_BYTES: usize = 24 + 24 + 12 + 8 + 4 + 4;
 /// Largest number of free buffers for event rows.
 const MAX_FREE_BUFFERS: usize = 4;
 
+/// A particle that takes a place in a file that was kept for one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Entered {
+    /// The row in the file.
+    pub row: u32,
+    /// Index of the species.
+    pub species: u32,
+    /// Mass, infinite of a fixed body.
+    pub mass: f64,
+    /// Radius \[length\].
+    pub radius: f64,
+    /// q = I/(m R²), where there is spin.
+    pub inertia: f64,
+}
+
 /// A task of the writer.
 #[derive(Debug)]
 pub(crate) enum Message {
@@ -32,6 +47,8 @@ pub(crate) enum Message {
     Profile(ProfileRow),
     Correlations(Vec<Correlation>),
     Checkpoint(Box<Checkpoint>),
+    /// Particles that take places kept for them.
+    Entered(Vec<Entered>),
     /// Write everything so far to the file, and reply.
     Flush(SyncSender<()>),
     Finish {
@@ -56,6 +73,7 @@ impl Message {
                     + 64 * state.scalars.len()
                     + size_of_val(state.measured.as_slice())
             }
+            Self::Entered(particles) => size_of_val(particles.as_slice()),
             Self::Flush(_) => 0,
             Self::Finish { summary, .. } => summary.len(),
         }

@@ -14,7 +14,7 @@ use crate::{
     error::{Context, RecordError},
     file::WritableFile,
     header::Header,
-    queue::{CHECKPOINT_BYTES, FRAME_BYTES, Message, Producer, queue},
+    queue::{CHECKPOINT_BYTES, Entered, FRAME_BYTES, Message, Producer, queue},
     writer::Writer,
 };
 
@@ -170,6 +170,16 @@ impl Recorder {
             Some(_) => Ok(()),
             None => self.send(Message::Frame(Frame::default())),
         }
+    }
+
+    /// Tells what particles are that take places kept for them: rows of the header without a particle so far,
+    /// in a file of particles that come and go.
+    pub fn enter(&self, particles: Vec<Entered>) -> Result<(), RecordError> {
+        let rows = self.contents.particles;
+        if let Some(wrong) = particles.iter().find(|one| one.row as usize >= rows || !self.contents.flow) {
+            return Err(self.unfit(format!("a particle enters row {}; the file has {rows}", wrong.row)));
+        }
+        if particles.is_empty() { Ok(()) } else { self.send(Message::Entered(particles)) }
     }
 
     /// Adds a row of observables.

@@ -226,6 +226,10 @@ impl Writer {
                 self.correlations = correlations;
                 Ok(())
             }
+            Message::Entered(particles) => {
+                self.dirty = true;
+                Datasets::enter(self.file.root(), &particles).doing(self.file.path(), WRITE)
+            }
             // Handled by `process_messages`.
             Message::Events(_) | Message::Flush(_) | Message::Finish { .. } => Ok(()),
         }

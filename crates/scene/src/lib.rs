@@ -64,6 +64,7 @@ pub use model::{
     scene::{
         BoxLimit, BoxTooSmall, Grown, GrowthEnd, GrowthRun, OutputPlan, RunPlan, Scene, Schedule, UntilOf,
     },
+    schedule::{Due, Records, Times},
     state::{NoStates, State, StateSource},
 };
 pub use placement::import;

@@ -27,5 +27,13 @@ def _after_fork() -> None:
     _forking.release()
 
 
+def _in_child() -> None:
+    """Files are written by the first process: the threads that do so are not copied."""
+    copies = list(_held)
+    _after_fork()
+    for simulation in copies:
+        simulation._core.abandon()
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_in_child)

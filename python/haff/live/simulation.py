@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..common import arguments
 from ..common.compiled import compiled
 from ..common.notebook import table
+from ..common.output import require_free
 from ..common.words import warn
 from ..errors import ArgumentError
 from ..scenes import Scene, explained, settings, source
@@ -27,6 +29,7 @@ __all__ = ["Simulation"]
 
 Callback: TypeAlias = "Callable[[Simulation], object]"
 _NEVER = 2**64 - 1
+_MOST_ROOM = 10**9
 _MOST = 2**62
 """Largest number of collisions that a caller may give."""
 
@@ -64,11 +67,20 @@ class Simulation(Model, Measured):
     Parameters
     ----------
     scene
-        A dict with the keys of a scene file, or the path of one. Its ``[output]`` is not used: nothing is written.
+        A dict with the keys of a scene file, or the path of one. Its ``output.file`` is not used.
     threads
         Threads of this simulation; default: all processors, shared with other simulations. No result depends on it.
     events
         Whether events are kept for :meth:`take_events`; costs time and memory.
+    file
+        An output file of what is advanced, with frames, observables and events as ``[output]`` of the scene says, for
+        :func:`haff.open`, :func:`haff.plot` and :func:`haff.view`. :meth:`close` writes its end, and so does a ``with``
+        block; it cannot be resumed.
+    overwrite
+        Whether an existing file is replaced.
+    room
+        How many particles :meth:`add` can add to a simulation with a ``file``; default 0. Each has a row of its own in
+        the file, also after it has been removed. Frames are of those that are there.
     overrides
         Keys of the scene, two underscores for the dot: ``contact__restitution=0.8``.
 
@@ -97,14 +109,41 @@ class Simulation(Model, Measured):
     ((1000, 3), False)
     >>> gas.sample()["temperature"] < 0.5
     True
+
+    Balls that fall one after the other, in a file:
+
+    >>> board = haff.load_scene("board.toml")                                      # doctest: +SKIP
+    >>> with haff.Simulation(board, file="board.h5", room=50) as stream:           # doctest: +SKIP
+    ...     stream.every(0.5, lambda now: now.add([0.0, 9.0, 0.0], species="ball"))
+    ...     stream.advance(until=25.0)
+    >>> haff.view("board.h5")                                                      # doctest: +SKIP
     """
 
-    def __init__(self, scene: Scene, /, *, threads: int | None = None, events: bool = False, **overrides: Any) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        /,
+        *,
+        threads: int | None = None,
+        events: bool = False,
+        file: str | os.PathLike[str] | None = None,
+        overwrite: bool = False,
+        room: int = 0,
+        **overrides: Any,
+    ) -> None:
         if threads is not None:
             threads = arguments.count("threads", threads, 1, 1024)
-        events = arguments.flag("events", events)
-        with explained(scene, overrides, ("threads", "events")):
-            self._core = compiled().Simulation(source(scene, overrides), threads=threads, events=events)
+        kept: dict[str, Any] = {"threads": threads, "events": arguments.flag("events", events)}
+        arguments.flag("overwrite", overwrite)
+        arguments.count("room", room, 0, _MOST_ROOM)
+        if file is not None:
+            path = arguments.file("file", file)
+            require_free(path, overwrite=overwrite)
+            kept |= {"file": path, "overwrite": overwrite, "room": room}
+        elif room or overwrite:
+            raise ArgumentError("room and overwrite are for a simulation with a file: give file = …")
+        with explained(scene, overrides, ("threads", "events", "file", "overwrite", "room")):
+            self._core = compiled().Simulation(source(scene, overrides), **kept)
         self._records_events = events
         self._calls: list[_Call] = []
         self._frame: tuple[Any, ...] | None = None
@@ -112,6 +151,19 @@ class Simulation(Model, Measured):
         """At how many collisions the balance of energies is looked at next; ``None`` after a warning."""
         warn(self._core.warnings, stacklevel=3)
         living.add(self)
+
+    def close(self) -> None:
+        """Write the end of the output file, and close it; the simulation can go on, but nothing is recorded then.
+
+        Without a file nothing is done. Raises :class:`haff.FileError` if the file cannot be written.
+        """
+        self._core.close()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def __setattr__(self, name: str, value: Any) -> None:
         own = getattr(type(self), name, None)
@@ -301,8 +353,8 @@ class Simulation(Model, Measured):
         Raises
         ------
         ValueError
-            An overlap, a value that is not possible, or a scene whose correlations follow its particles. Nothing is
-            changed then.
+            An overlap, a value that is not possible, a scene whose correlations follow its particles, or an output file
+            without ``room`` for them. Nothing is changed then.
         """
         places = np.atleast_2d(arguments.reals("positions", positions))
         if places.ndim != 2 or places.shape[1] != 3:

@@ -10,7 +10,7 @@ use super::{
     values::{at, item, not_negative, positive},
 };
 use crate::{
-    config::{FollowedConfig, InletConfig, OutletConfig},
+    config::{FollowedConfig, InletConfig, OutletConfig, SpeciesConfig},
     placement::random::{Purpose, Stream},
 };
 
@@ -52,13 +52,19 @@ impl Assembler<'_> {
         Some(passages)
     }
 
-    /// Only a species that comes in by an inlet can have no particles at the start.
+    /// A species can have no particles at the start beside others, for a simulation that adds some, or if it
+    /// comes in by an inlet.
     fn check_empty_species(&mut self, inlets: &[InletConfig]) {
+        let counts = |species: &SpeciesConfig| species.count.is_some_and(|count| count > 0);
+        let others = self.config.species.iter().flatten().any(counts)
+            || self.config.particle.as_ref().is_some_and(|particles| !particles.is_empty());
+        if others {
+            return;
+        }
         for (k, species) in self.config.species.clone().iter().flatten().enumerate() {
             let comes_in = |inlet: &InletConfig| inlet.rate.is_some() && inlet.species == species.name;
             if species.count == Some(0) && !inlets.iter().any(comes_in) {
-                let why =
-                    "must be 1 or more: only a species that an [[inlet]] with a rate lets in can have 0";
+                let why = "must be 1 or more: there is no other particle, and no [[inlet]] with a rate lets this species in";
                 self.document.refuse(&item("species", k, "count"), why);
             }
         }

@@ -2,7 +2,7 @@
 What a valid scene is: system, plans of the run and its output, and states that it starts from.
 
 *What is here.* [`scene`] is the result of this crate; [`state`] where recorded states come from, [`present`]
-the one that a changed run goes on from.
+the one that a changed run goes on from, [`schedule`] has the times of records.
 
 *What to change here.* A checked value that the command needs.
 
@@ -13,4 +13,5 @@ the one that a changed run goes on from.
 
 pub(crate) mod present;
 pub(crate) mod scene;
+pub(crate) mod schedule;
 pub(crate) mod state;
