@@ -324,8 +324,7 @@ pub struct Bench {
     /// From φ of about 0.45 on, an fcc crystal needs a few hundred to melt.
     #[arg(long, value_name = "M", value_parser = melt, allow_negative_numbers = true)]
     pub melt: Option<f64>,
-    /// Number of timed repeats, one after the other; the median and the spread are reported [default: 1; with
-    /// --against 7].
+    /// Number of timed repeats; the median and the spread are reported [default: 1; with --against 7].
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: Option<u32>,
     /// Threads; all processors by default. No result depends on it but the time.

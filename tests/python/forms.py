@@ -461,4 +461,10 @@ SCENES: dict[str, dict[str, Any]] = {
         "run": _SHORT,
         "output": {"frames": 0.5, "observables": False, "events": False},
     },
+    "records by collisions": {
+        "domain": _BOX,
+        "species": [_GRAIN],
+        "run": _SHORT,
+        "output": {"frames": {"collisions_per_particle": 2.0}, "observables": {"collisions_per_particle": 0.5}},
+    },
 }

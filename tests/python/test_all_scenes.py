@@ -122,6 +122,7 @@ def check(command, folder: Path, scene: Path, changes: dict[str, object] | None 
     return read(path, folder)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: "-".join(path.relative_to(CONFIGS).with_suffix("").parts))
 def test_shipped_scene_is_read_by_everything(path, command, tmp_path):
     # A collapse ends a scene with exit status 3, and its file is read all the same.
@@ -147,12 +148,14 @@ def test_shipped_scenes_are_templates(command, tmp_path):
     assert missing.returncode == 4 and "haff init drum > drum.toml" in missing.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", forms.SCENES)
 def test_scene_of_rare_forms_is_read_by_everything(name, command, tmp_path):
     haff.save_scene(forms.SCENES[name], tmp_path / "scene.toml")
     assert check(command, tmp_path, tmp_path / "scene.toml")
 
 
+@pytest.mark.long
 def test_runs_from_states_and_runs_that_went_on_are_read_by_everything(command, tmp_path):
     first, second, third = (tmp_path / f"{name}.h5" for name in ("first", "second", "third"))
     haff.save_scene(forms.SCENES["table"], tmp_path / "scene.toml")

@@ -140,6 +140,7 @@ def on(path, new, until, **keys):
     return result
 
 
+@pytest.mark.long
 def test_a_stopped_piston_stays_and_a_reversed_one_starts_there(tmp_path):
     first, held, up = (tmp_path / name for name in ("first.h5", "held.h5", "up.h5"))
     haff.run(PISTON, file=first, threads=1)
@@ -262,6 +263,7 @@ def chain(random, name):
     ][random.integers(7)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_random_chains_of_changes_are_right_in_every_file_and_the_same_live(seed, tmp_path):
     scene, name = [(SHAKER, "floor"), (BOX, "x-"), (PISTON, "piston")][seed % 3]

@@ -28,6 +28,7 @@ SCENES = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scene", "settings", "title"), SCENES)
 def test_closed_form_agrees_with_the_recorded_motion(command, scene, settings, title):
     with command.run(f"textbook/{scene}", **settings).open() as run:

@@ -408,6 +408,7 @@ def test_a_scene_starts_from_a_dump_of_lammps(tmp_path):
     live.advance(0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -429,6 +430,7 @@ def test_a_dump_without_what_a_state_needs_is_refused(tmp_path, old, new, messag
     assert failed.stderr.count(str(tmp_path / "dump")) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["u", "s", "su", "diameter", "no velocities", "few columns", "not tilted"])
 def test_a_dump_gives_the_same_state_in_every_form(tmp_path, form):
     """Positions unwrapped or scaled, diameters for radii, a box that could be tilted; only what a state needs."""
@@ -471,6 +473,7 @@ def test_a_dump_gives_the_same_state_in_every_form(tmp_path, form):
             begin(tmp_path, printed, tmp_path / "start.csv")
 
 
+@pytest.mark.long
 def test_a_scene_starts_from_a_data_file_of_lammps(tmp_path):
     """One that haff has written: there and back again."""
     live = {
@@ -527,6 +530,7 @@ def test_files_with_unknown_endings_say_what_is_read(command, tmp_path, name, te
     assert failed.returncode == 4 and re.search(message, failed.stderr), failed.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ["lammpstrj", "dump"])
 def test_a_scene_starts_from_a_dump_directly(command, tmp_path, ending):
     dump = """ITEM: TIMESTEP
@@ -563,6 +567,7 @@ ITEM: ATOMS id type x y z vx vy vz radius mass
         haff.Simulation(start | {"initial": {"positions": {"file": str(path), "index": 2}}})
 
 
+@pytest.mark.long
 def test_a_scene_starts_from_a_data_file_of_mercury(tmp_path):
     frame = """2 {time} -1 0 0 1 2 3
 -0.5 1 1 0.1 0.2 0.3 0.005 0 0 0 0 0 0 0
@@ -575,6 +580,7 @@ def test_a_scene_starts_from_a_data_file_of_mercury(tmp_path):
     np.testing.assert_array_equal(live.radii, [0.005, 0.004])
 
 
+@pytest.mark.long
 def test_a_scene_starts_from_a_configuration_of_dynamo(tmp_path):
     """In shear: the peculiar velocities stay, though the flow is 0 in the middle of DynamO's box."""
     rate, peculiar = 0.5, np.array([[0.1, 0.2, 0.3], [-0.1, 0.0, 0.0]])
@@ -627,6 +633,7 @@ def test_a_scene_starts_from_a_file_that_hpmc_writes(tmp_path):
     live.advance(1.0)
 
 
+@pytest.mark.long
 def test_frames_go_to_a_data_file_of_lammps(tmp_path):
     live = {
         "domain": {"size": [8, 9, 10]},

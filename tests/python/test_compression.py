@@ -157,6 +157,7 @@ def test_gas_under_a_piston_is_heated_as_in_a_reversible_compression(command):
         assert run.frames[-1].box.size[0] == pytest.approx(run.box.size[0] / 2, rel=1e-12)
 
 
+@pytest.mark.long
 def test_elongation_has_the_viscosity_of_enskog(command):
     ratios = []
     for seed in range(4):

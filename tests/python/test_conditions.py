@@ -80,6 +80,7 @@ def labels(figure):
 # --- the distribution of velocities, and the temperature -----------------------------------------------------
 
 
+@pytest.mark.long
 def test_velocities_of_a_heated_gas_have_its_own_correction(made):
     heated, cooling = float(theory.sonine_a2_heated(0.8)), float(theory.sonine_a2(0.8))
     with made("heated", changed(GAS, drive=[NOISE])) as run:
@@ -105,6 +106,7 @@ def test_rescaled_velocities_have_the_distribution_of_the_cooling_state(made):
         )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "keys", "why"),
     [
@@ -232,6 +234,7 @@ def test_gases_that_cool_have_no_coefficients_of_transport(made):
         assert "no viscosity: needs elastic contacts" in texts(figures.draw(run, "stress"))
 
 
+@pytest.mark.long
 def test_a_gas_that_moves_past_and_one_between_walls_have_no_self_diffusion(made, tmp_path):
     measure = {"msd": True, "interval": 0.1}
     still = changed(GAS, contact={"restitution": 1.0}, measure=measure, run={"until": 40.0}, output={"events": False})
@@ -315,6 +318,7 @@ def test_paths_of_kicked_bodies_are_not_followed_by_the_event_log(tmp_path):
 # --- phases --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_frames_and_samples_at_one_phase_are_marked(made):
     vibrated = {
         "domain": {"size": [6, 6, 30], "boundary": ["periodic", "periodic", "wall"], "gravity": [0, 0, -1]},

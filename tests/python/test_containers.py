@@ -20,6 +20,7 @@ def scene(wall=CONE, **domain):
     }
 
 
+@pytest.mark.long
 @pytest.mark.physics
 def test_volume_and_places_of_a_cone_are_those_of_the_engine(tmp_path):
     with haff.run(scene(), file=tmp_path / "cone.h5").file as run:

@@ -57,6 +57,7 @@ def runs(tmp_path_factory):
 # --- freud -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["fluid", "mixture", "sheared", "turned", "disks"])
 def test_freud_finds_the_pairs_of_the_frame(runs, name):
     freud, seen = pytest.importorskip("freud"), 0

@@ -20,6 +20,7 @@ def clustering(path, source, at: float, power: float = 1.0):
     return path, tau
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("at", [2.0, 8.0])
 def test_tau_is_fitted_up_to_the_end_of_the_law(files, tmp_path, at):
     path, tau = clustering(tmp_path / "gas.h5", files["cooling"], at)
@@ -38,6 +39,7 @@ def test_tau_is_fitted_up_to_the_end_of_the_law(files, tmp_path, at):
     assert f"up to $t$ = {fit.until:.3g}" in told and "off the law by more than 10 %" in told
 
 
+@pytest.mark.long
 def test_ratio_is_on_a_logarithmic_axis_that_shows_all_of_it(files, tmp_path):
     path, _ = clustering(tmp_path / "gas.h5", files["cooling"], 0.5, 2.0)
     with haff.open(path) as run:
@@ -52,6 +54,7 @@ def test_ratio_is_on_a_logarithmic_axis_that_shows_all_of_it(files, tmp_path):
     assert "1" in ticks and all(float(tick) > 0 for tick in ticks if tick)
 
 
+@pytest.mark.long
 def test_gas_by_the_law_is_fitted_to_its_end_and_nothing_is_shaded(files):
     with haff.open(files["cooling"]) as run:
         law = analysis.cooling_law(run)
@@ -78,6 +81,7 @@ def test_delay_of_a_lattice_does_not_change_tau(files, tmp_path):
         assert cooling.fitted(run, law).tau == pytest.approx(law.tau, rel=1e-9)
 
 
+@pytest.mark.long
 def test_too_few_samples_have_no_fit(files, tmp_path):
     path, _ = clustering(tmp_path / "gas.h5", files["cooling"], 1e-9)
     with haff.open(path) as run:

@@ -63,6 +63,7 @@ def read(path: Path, *options: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [0, 8, 1 << 62], ids=["zero", "less than its head", "more than the file"])
 def test_a_damaged_heap_is_an_error_for_each_text_in_it(size, whole, tmp_path, command):
     heaps = [match.start() for match in HEAP.finditer(whole)]
@@ -81,6 +82,7 @@ def test_a_damaged_heap_is_an_error_for_each_text_in_it(size, whole, tmp_path, c
         assert command("info", path, check=False).returncode in (0, 4)
 
 
+@pytest.mark.long
 def test_other_readers_of_a_file_are_not_given_damaged_texts(whole, tmp_path):
     pytest.importorskip("MDAnalysis", reason="no MDAnalysis")
     path, data = tmp_path / "damaged.h5", bytearray(whole)

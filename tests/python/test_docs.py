@@ -47,6 +47,7 @@ def with_code(page: Path) -> bool:
     return any(language in ("python", "sh", "toml") for _, language, _, _ in blocks(page))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", list(filter(with_code, PAGES)), ids=lambda page: str(page.relative_to(ROOT)))
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
     folder = tmp_path / "bin"
@@ -78,6 +79,7 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch):
             exec(compile(code, location, "exec"), names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("notebook", sorted((ROOT / "examples").glob("*.ipynb")), ids=lambda path: path.name)
 def test_cells_of_the_notebook_run(notebook, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

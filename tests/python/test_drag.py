@@ -60,6 +60,7 @@ def test_velocities_of_a_live_simulation_with_a_drag_are_those_of_the_time():
             live.set(**{key: value})
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize("e", [0.7, 0.85, 0.95])
 def test_a_suspension_has_the_temperature_of_the_boltzmann_equation(command, e):

@@ -102,6 +102,7 @@ def test_a_sliding_ball_has_a_spin_without_a_jump(command):
         assert np.allclose(np.interp(run.frames.time, time, spin), run.frames.array("angular_velocity")[:, 0, 1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["temperature", "snapshot", "velocity"])
 def test_titles_can_be_off(files, tmp_path, kind):
     with haff.open(files["cooling"]) as run:
@@ -118,6 +119,7 @@ def test_titles_can_be_off(files, tmp_path, kind):
     assert head in with_title and head not in without, facts
 
 
+@pytest.mark.long
 def test_movies_can_be_without_titles(files, tmp_path):
     from PIL import Image
 

@@ -38,6 +38,7 @@ FLUID = GAS | {
 }
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize(
     ("scene", "name"),
@@ -83,6 +84,7 @@ def test_means_of_a_sweep_are_those_of_its_files(tmp_path):
     assert not names & {"dissipated_energy", "carnot_energy", "ledger_residual", "collisions", "drive_work"}
 
 
+@pytest.mark.long
 def test_the_figure_has_the_means_of_all_observables_that_vary(tmp_path):
     with haff.run(THERMOSTAT | {"run": {"until": 40.0}}, file=tmp_path / "gas.h5") as done:
         run = done.file

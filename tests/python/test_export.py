@@ -302,6 +302,7 @@ def test_every_command_has_examples_in_help_and_manual(name, capsys, command):
     assert examples and all(line in help_text for line in examples)
 
 
+@pytest.mark.long
 def test_command_passes_export_on_to_python(command, files, tmp_path):
     result = command("export", files["ball"], "--to", "csv", "-o", tmp_path / "ball.csv")
     assert result.stdout.strip() == str(tmp_path / "ball.csv")

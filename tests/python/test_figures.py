@@ -33,6 +33,7 @@ DRAWN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DRAWN)
 def test_default_draws_all_applicable_figures_silently(files, name, tmp_path, capsys):
     assert main(["plot", str(files[name]), "-o", str(tmp_path)]) == 0
@@ -45,6 +46,7 @@ def test_default_draws_all_applicable_figures_silently(files, name, tmp_path, ca
         assert pixels.std() > 5, f"{path.name} is empty"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("extension", ["pdf", "svg"])
 def test_vector_formats_are_written(files, tmp_path, extension):
     assert main(["plot", str(files["cooling"]), "--kind", "temperature", "--kind", "losses", "-o", str(tmp_path),
@@ -53,6 +55,7 @@ def test_vector_formats_are_written(files, tmp_path, extension):
     assert [p.read_bytes()[: len(start)] for p in sorted(tmp_path.iterdir())] == [start, start]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
@@ -97,6 +100,7 @@ def test_temperature_figure_shows_data_law_and_ratio(files):
         assert np.allclose(ratio, 1, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("smooth", [False, True])
 def test_temperature_figure_shows_that_of_rotation(files, smooth, tmp_path):
     """Of rough contacts without a law; of smooth ones, whose spins do not change, beside Haff's."""
@@ -121,6 +125,7 @@ def test_temperature_figure_shows_that_of_rotation(files, smooth, tmp_path):
             assert "β = 0.5" in " ".join(text.get_text() for text in figure.texts)
 
 
+@pytest.mark.long
 def test_losses_in_units_of_the_temperature_are_those_by_the_normal_impulse(files):
     for name in ("cooling", "rough"):
         with haff.open(files[name]) as run:
@@ -225,6 +230,7 @@ def test_unreadable_and_unwritable_files_exit_with_4_and_one_line(files, tmp_pat
         assert err.startswith("haff: error: ") and err.count("\n") == 1 and "Traceback" not in err
 
 
+@pytest.mark.long
 def test_module_runs_as_a_program(files, tmp_path):
     result = subprocess.run(
         [sys.executable, "-m", "haff", "plot", str(files["ball"]), "--kind", "trajectories", "-o", str(tmp_path)],
@@ -234,6 +240,7 @@ def test_module_runs_as_a_program(files, tmp_path):
     assert result.stdout.strip() == str(tmp_path / "ball-trajectories.png")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "extension"), [("ball", "gif"), ("disks", "mp4"), ("cooling", "mp4")])
 def test_movie_has_a_picture_for_each_frame_and_shows_motion(files, name, extension, tmp_path, capsys):
     if extension == "mp4":

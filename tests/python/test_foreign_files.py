@@ -109,6 +109,7 @@ def worker(sound, tmp_path_factory) -> Iterator[Worker]:
     found.stop()
 
 
+@pytest.mark.long
 def test_valid_files_raise_no_unexpected_errors(worker, sound):
     for k, path in enumerate(sound):
         found = worker.read(path, k, thorough=k % 5 == 2)

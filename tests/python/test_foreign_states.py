@@ -181,6 +181,7 @@ MERCURY = """2 0 0 0 0 5 5 6
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "text"), [("a.lammpstrj", DUMP), ("a.data", DATA), ("a.xml", XML), ("b.data", MERCURY)]
 )

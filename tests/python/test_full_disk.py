@@ -98,6 +98,7 @@ def test_failed_export_keeps_the_old_file(disk, arguments, files, capfd):
     assert [file.name for file in folder.iterdir()] == [target.name] and target.read_text() == "the old one"
 
 
+@pytest.mark.long
 def test_figures_are_written_completely_or_not_at_all(disk, files, capfd):
     folder, remount = disk
     remount("size=12k")

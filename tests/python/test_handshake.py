@@ -165,6 +165,7 @@ def test_rows_are_not_read_after_the_run_was_resumed(finished, writer):
             file.frames[0]
 
 
+@pytest.mark.long
 def test_a_process_that_exits_with_an_open_running_file_ends_normally(finished, writer):
     program = f"import haff; run = haff.open({str(finished)!r}); frames = run.frames; print(run.running)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

@@ -52,6 +52,7 @@ def test_help_and_errors_of_arguments_load_no_library(arguments, tmp_path):
     assert loaded("from haff.command.main import main; sys.exit(main(sys.argv[1:]))", *arguments) == set()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["temperature", "energy", "velocity", "losses", "snapshot"])
 def test_figures_of_a_gas_load_numpy_h5py_and_matplotlib_only(files, kind, tmp_path):
     code = "from haff.command.main import main; sys.exit(main(sys.argv[1:]))"

@@ -91,6 +91,7 @@ def test_frames_have_the_balls_that_are_there(board):
         assert np.all(last.position[:, 1] > 0.1 - 1e-9) and len(last.position) == pins + 5
 
 
+@pytest.mark.long
 def test_readers_figures_pages_and_exports_take_the_file(board, tmp_path):
     page = page_of(board, tmp_path)
     assert page.header["count"] == 11 and len(page.header["frames"]["time"]) == 121

@@ -96,6 +96,7 @@ def test_a_live_simulation_measures_what_a_file_records(fluid):
         assert live.correlations[name].identical(recorded), name
 
 
+@pytest.mark.long
 def test_a_run_in_two_parts_writes_the_same_profiles_and_correlations(fluid, command, tmp_path):
     path = tmp_path / "parts.h5"
     haff.save_scene(FLUID, tmp_path / "fluid.toml")
@@ -143,6 +144,7 @@ def test_wall_forces_of_a_file_are_named_after_the_walls(tmp_path):
         assert run.to_xarray()["wall_force"].dims == ("time", "wall", "axis")
 
 
+@pytest.mark.long
 def test_figures_of_measurements_are_drawn(fluid, tmp_path):
     results = figures.save_all(fluid, ["profiles", "msd", "stress"], tmp_path)
     for result in results:
@@ -150,6 +152,7 @@ def test_figures_of_measurements_are_drawn(fluid, tmp_path):
         assert result.path.stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_figures_of_maps_are_drawn(tmp_path):
     path = tmp_path / "map.h5"
     measure = {"profiles": [{"axis": "xz", "bins": [6, 8], "interval": 1.0}]}
@@ -188,6 +191,7 @@ def test_damaged_measurements_are_refused(fluid, tmp_path, place, change, messag
         _ = run.profiles, run.correlations
 
 
+@pytest.mark.long
 def test_structure_factor_of_a_fluid_is_that_of_percus_and_yevick(fluid):
     frames = analysis.drawn_frames(fluid, 10)
     k, found = analysis.structure_factor(frames, 12.0, 24)

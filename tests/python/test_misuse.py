@@ -67,6 +67,7 @@ def called(call, /, **changed):
         faulthandler.cancel_dump_traceback_later()
 
 
+@pytest.mark.long
 def test_every_call_works_with_the_arguments_that_are_not_varied(table):
     failed = {call.name: called(call) for call in table.calls}
     allowed = (haff.NotApplicableError, haff.MissingDataError)
@@ -74,6 +75,7 @@ def test_every_call_works_with_the_arguments_that_are_not_varied(table):
     assert not {name: found for name, found in failed.items() if not isinstance(found, allowed)}
 
 
+@pytest.mark.long
 def test_every_wrong_argument_is_refused_by_an_error_that_names_it(table):
     faults, count = [], Counter()
     for name, call, parameter, value in table:

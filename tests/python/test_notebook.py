@@ -92,6 +92,7 @@ def test_tables_of_results_and_simulations(tmp_path):
     assert texts(unknown).count("unknown") == 2 and "none" in texts(unknown)
 
 
+@pytest.mark.long
 def test_plot_returns_a_figure_and_writes_nothing(files, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with haff.open(files["cooling"]) as run:
@@ -106,6 +107,7 @@ def test_plot_returns_a_figure_and_writes_nothing(files, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["gas.png", "gas.pdf", "gas.svg"])
 def test_plot_writes_the_picture_that_is_named(files, tmp_path, name):
     figure = haff.plot(files["ball"], "energy", tmp_path / name)

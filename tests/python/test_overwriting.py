@@ -9,6 +9,7 @@ from haff.command.main import main
 REFUSED = "exists; --overwrite replaces it\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "written"),
     [
@@ -42,6 +43,7 @@ def test_a_kind_asked_for_twice_is_drawn_once(files, tmp_path, capsys):
     assert capsys.readouterr().out.count("\n") == 1
 
 
+@pytest.mark.long
 def test_functions_refuse_to_replace_a_file(files, tmp_path):
     path = tmp_path / "ball-energy.png"
     with haff.open(files["ball"]) as run:

@@ -47,6 +47,7 @@ def paths(tmp_path_factory):
 # --- boxes of frames -----------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_each_frame_has_its_own_box(paths):
     with haff.open(paths["spheres"]) as run:
         assert run.compression is not None and run.shear is None
@@ -379,6 +380,7 @@ def test_growth_ends_on_the_packing_fraction(dimension, sizes, fraction):
         assert set(np.unique(radii)) == ({0.5} if sizes is None else {0.5, 0.7})
 
 
+@pytest.mark.long
 @pytest.mark.physics
 def test_jammed_disks_of_two_sizes_are_isostatic():
     # Of fast growth contacts are missing.
@@ -395,6 +397,7 @@ def test_jammed_disks_of_two_sizes_are_isostatic():
         assert np.median(energy[packing.rattlers]) < 1e-3 * energy.mean()
 
 
+@pytest.mark.long
 @pytest.mark.physics
 def test_fast_growth_to_a_dense_fluid_and_slow_growth_from_there_jam_without_order(tmp_path):
     with haff.pack(200, 0.62, rate=0.015, seed=1) as start:
@@ -420,6 +423,7 @@ def test_packing_between_walls_touches_them():
         assert analysis.max_overlap(packing.frame).depth < 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize(
     ("container", "options", "turns"),

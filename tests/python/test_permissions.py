@@ -31,6 +31,7 @@ def gas(tmp_path) -> Path:
     return synthetic.cooling_gas(tmp_path / "gas.h5", n=250, frames=4, samples=10, collisions=200)
 
 
+@pytest.mark.long
 def test_exports_figures_pages_and_copies_have_the_mode_of_the_umask(gas, tmp_path, mode):
     pytest.importorskip("gsd")
     pytest.importorskip("pyarrow")

@@ -14,6 +14,7 @@ ETA = 0.01
 """Packing fraction. Correlated velocities change figures of the Boltzmann equation by about this part."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("e", [0.7, 0.85, 0.95])
 def test_a_gas_whose_contacts_add_speed_has_the_temperature_of_the_boltzmann_equation(command, e):
     delta, count = 0.1, 2000
@@ -47,6 +48,7 @@ def test_a_gas_whose_contacts_add_speed_has_the_temperature_of_the_boltzmann_equ
     assert float(theory.added_speed_temperature(delta, e)) == pytest.approx(T * delta**2, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", [(0.9, 0.0), (0.8, 0.5), (0.7, -0.5)])
 def test_a_rough_gas_whose_spins_are_heated_has_the_temperatures_of_the_boltzmann_equation(command, case):
     (e, beta), count = case, 2000

@@ -115,6 +115,7 @@ def test_momentum_stays_zero(run):
     assert np.abs(table[["momentum_x", "momentum_y", "momentum_z"]].to_numpy()).max() < 1e-12 * scale
 
 
+@pytest.mark.long
 def test_no_two_particles_overlap(run):
     worst = max((analysis.max_overlap(frame) for frame in run.frames), key=lambda o: o.depth)
     assert worst.depth <= 1e-12, f"particles {worst.pair} overlap by {worst.depth:.1e}"

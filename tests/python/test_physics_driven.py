@@ -11,6 +11,7 @@ from validation import boltzmann
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.long
 def test_heated_gas_has_the_temperature_of_kinetic_theory(command):
     # φ = 0.01: correlated velocities change the rates by some 0.5 %.
     eta, e, count = 0.01, 0.8, 1000
@@ -39,6 +40,7 @@ def test_heated_gas_has_the_temperature_of_kinetic_theory(command):
     assert float(theory.heated_temperature(strength, e, n, 1.0, g0=g0)) == pytest.approx(T, rel=0.005)
 
 
+@pytest.mark.long
 def test_bed_on_a_vibrating_floor_rises_as_the_power_three_halves(command):
     speeds, rises = [], []
     for frequency in (6.0, 12.0, 24.0, 48.0):
@@ -53,6 +55,7 @@ def test_bed_on_a_vibrating_floor_rises_as_the_power_three_halves(command):
     assert exponent == pytest.approx(1.5, abs=0.15), f"exponent {exponent:.2f}"
 
 
+@pytest.mark.long
 def test_a_vibrated_layer_has_a_standing_wave_of_two_periods(command):
     with command.run("vibrated_layer").open() as run:
         frames = run.frames[-160:]
@@ -70,6 +73,7 @@ def test_a_vibrated_layer_has_a_standing_wave_of_two_periods(command):
     assert correlation(4) < -0.9 and correlation(8) > 0.9
 
 
+@pytest.mark.long
 def test_a_cluster_floats_on_a_gas_above_a_strongly_vibrating_floor(command):
     with command.run("leidenfrost", output__frames=False).open() as run:
         late = run.profiles["y"].sel(time=slice(300, None)).mean("time")
@@ -79,6 +83,7 @@ def test_a_cluster_floats_on_a_gas_above_a_strongly_vibrating_floor(command):
     assert temperature[0] > 50 * temperature[cluster]
 
 
+@pytest.mark.long
 def test_a_large_grain_rises_in_a_shaken_bed(command):
     with command.run("brazil_nut").open() as run:
         heights = np.array([frame.position[:, 1] for frame in run.frames])
@@ -88,6 +93,7 @@ def test_a_large_grain_rises_in_a_shaken_bed(command):
     assert above[20:80].mean() < -2 and above[200:].mean() > above[20:80].mean() + 2
 
 
+@pytest.mark.long
 def test_grains_collect_in_one_chamber_if_the_floor_gives_little_energy(command):
     def fuller(frequency):
         with command.run("maxwell_demon", wall__0__motion__frequency=frequency).open() as run:

@@ -25,6 +25,7 @@ def equilibrated(run, after: float):
     return table[table["time"] > after]
 
 
+@pytest.mark.long
 def test_pressure_of_the_fluid_follows_the_equation_of_state(command):
     with command.run("fluid").open() as run:
         table = equilibrated(run, 20)
@@ -46,6 +47,7 @@ def test_mean_free_time_of_the_fluid_is_enskogs(command):
         assert np.allclose(len(run) / 2 / counted, table["mean_free_time"].iloc[1:], rtol=1e-9)
 
 
+@pytest.mark.long
 def test_elastic_fluid_conserves_energy_and_melts(command):
     with command.run("fluid").open() as run:
         table = run.observables
@@ -61,6 +63,7 @@ def test_elastic_fluid_conserves_energy_and_melts(command):
         assert np.all(g[r < 0.999] == 0)
 
 
+@pytest.mark.long
 def test_disks_follow_henderson(command):
     # η = 0.2: here Henderson's equation is within 0.03 % of the virial series; at 0.4 it is 0.14 % high.
     with command.run("disks", domain__packing_fraction=0.2, run__until=400.0).open() as run:
@@ -138,6 +141,7 @@ def test_mixture_conserves_energy_without_overlaps(mixture):
     assert all(analysis.max_overlap(f).depth <= 1e-12 for f in mixture.frames)
 
 
+@pytest.mark.long
 def test_weight_of_grains_equals_the_mean_force_of_their_impacts_on_the_floor(command):
     with command.run("gravity_box", output__events=True).open() as run:
         table = run.observables

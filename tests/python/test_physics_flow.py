@@ -9,6 +9,7 @@ from haff import analysis
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.long
 def test_a_beam_has_as_many_particles_as_come_in_during_their_flight(tmp_path):
     """Particles too small to meet fly straight from the inlet to the outlet: their number is rate times flight."""
     rate, speed, until = 40.0, 2.0, 200.0
@@ -46,6 +47,7 @@ def test_a_beam_has_as_many_particles_as_come_in_during_their_flight(tmp_path):
     assert table["inlet_energy"].iloc[-1] == pytest.approx(0.5 * speed**2 * entered, rel=1e-12)
 
 
+@pytest.mark.long
 def test_discharge_of_a_hopper_that_is_refilled_is_steady(command):
     with command.run("refilled_hopper", run__until=120.0, output__frames=10.0, output__observables=2.0).open() as run:
         table = run.observables[15:]
@@ -56,6 +58,7 @@ def test_discharge_of_a_hopper_that_is_refilled_is_steady(command):
     assert abs(z) < 4, f"{first} {second}: z = {z:.1f}"
 
 
+@pytest.mark.long
 def test_balls_of_a_galton_board_are_as_often_on_the_left_as_on_the_right(command):
     with command.run("galton_board").open() as run:
         last = run.frames[-1]

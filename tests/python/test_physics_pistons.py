@@ -9,6 +9,7 @@ from haff import analysis, theory
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.long
 def test_a_gas_under_a_piston_has_the_pressure_of_its_load(command):
     # Its heat takes hundreds of times to come from the floor: with the drive, blocks of the averages are independent.
     drive = [{"kind": "andersen", "temperature": 1.0, "rate": 0.2}]
@@ -39,6 +40,7 @@ def test_a_gas_under_a_piston_has_the_pressure_of_its_load(command):
     assert abs(z) < 3.5 and error < 0.01, f"pressure {pressure(n.mean)} ± {error}, expected 0.5: z = {z:.1f}"
 
 
+@pytest.mark.long
 def test_two_gases_beside_a_piston_come_to_one_temperature_and_one_pressure(tmp_path):
     """A light piston between as many hot spheres as cold ones: it ends in the middle, and passes heat on."""
     gas = {"count": 100, "radius": 0.4, "mass": 1.0}

@@ -133,6 +133,7 @@ def check(run: haff.File, scene: dict, conserved: tuple[bool, ...]) -> int:
     return len(run.events)
 
 
+@pytest.mark.long
 def test_samples_of_random_scenes_are_those_of_their_events(tmp_path):
     events, features = 0, set()
     for seed in range(64):
@@ -248,6 +249,7 @@ def test_the_work_of_the_shear_is_that_of_the_pressure_tensor_while_the_gas_move
         assert table["shear_work"][-1] == pytest.approx(-0.1 * (4.0 - 2 * 0.1 / 2), rel=1e-13)
 
 
+@pytest.mark.long
 def test_check_and_the_first_sample_have_the_same_temperature(command, tmp_path):
     """`haff check` uses the same definition, also for a common velocity, walls and shear."""
     for seed in range(12):

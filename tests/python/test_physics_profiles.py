@@ -99,6 +99,7 @@ def test_pressure_is_uniform_between_a_hot_and_a_cold_wall_and_collisions_take_t
     assert abs(heat - lost) < 4 * np.hypot(uncertain, 0.02 * lost)
 
 
+@pytest.mark.long
 def test_heat_between_plates_is_that_of_the_conductivity_with_jumps_at_the_walls(command):
     # Kn = 0.06: without the jumps the flow would be a quarter larger.
     n, width, edge, hot, cold = 0.02, 200.0, 22.0, 2.0, 0.5

@@ -9,6 +9,7 @@ from haff import analysis, theory
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.long
 def test_osmotic_pressure_is_that_of_the_solute_alone(command):
     # A solvent of small particles gives the same pressure on both sides of a membrane that lets them through.
     found = command.run(
@@ -52,6 +53,7 @@ def test_the_work_of_a_drum_is_what_contacts_take(command):
     assert ((position[:, 1] > radius - 1e-9) & (position[:, 1] < 4 - radius + 1e-9)).all()
 
 
+@pytest.mark.long
 def test_a_hopper_empties_at_a_constant_rate(command):
     with command.run("hopper").open() as run:
         left = np.array([(frame.position[:, 2] < 17).sum() for frame in run.frames])
@@ -90,6 +92,7 @@ HOPPER = {
 }
 
 
+@pytest.mark.long
 def test_a_hopper_twice_as_wide_empties_as_much_faster_as_the_law_says(tmp_path):
     """Beverloo's law in two dimensions: the rate grows as (D - k d)^(3/2), with k about 1.4.
 

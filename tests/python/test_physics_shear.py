@@ -14,6 +14,7 @@ def late(run, strain):
     return table[table["time"] * run.shear.rate > strain]
 
 
+@pytest.mark.long
 def test_the_scene_comes_to_the_temperature_and_the_stresses_of_enskogs_equation(command):
     with command.run("sheared_gas", run__until=200.0, output__frames=20.0).open() as run:
         assert run.observables["ledger_residual"].abs().max() < 1e-12
@@ -38,6 +39,7 @@ def test_the_scene_comes_to_the_temperature_and_the_stresses_of_enskogs_equation
         assert np.abs(velocity - y).max() < 0.15, velocity - y
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("e", dsmc.SHEARED)
 def test_stresses_of_a_dilute_gas_are_those_of_the_boltzmann_equation(command, e):
     # At φ = 0.002 the density shifts them by less than 1 %, which counts as an uncertainty; the validation has 2e-4.
@@ -69,6 +71,7 @@ def test_stresses_of_a_dilute_gas_are_those_of_the_boltzmann_equation(command, e
             assert abs(mean.mean - value) < 4 * error, f"{name} = {mean.mean} ± {mean.error}, expected {value}"
 
 
+@pytest.mark.long
 def test_mean_free_time_at_moderate_density_is_that_of_another_program(command):
     # `shearing_test.cpp` of DynamO: 1372 spheres, n σ³ = 1/2, e = 0.9, shear rate 1; its own tolerance is 1 %.
     found = command.run(

@@ -9,6 +9,7 @@ from validation import dsmc
 pytestmark = pytest.mark.physics
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("e", "beta"), [(0.9, 0.0), (0.7, -0.5)])
 def test_rough_cooling_has_the_ratio_of_temperatures_of_the_boltzmann_equation(command, e, beta):
     # φ = 0.005: correlated velocities shift the ratio by less than the error.

@@ -25,6 +25,7 @@ def test_a_sphere_on_the_axis_of_a_cylinder_has_the_chords_of_the_closed_form():
     assert found.distance[0] == pytest.approx(0.025) and (np.diff(found.distance) > 0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("wall", "d", "power"), [(CYLINDER, 3, 1), (SPHERE, 3, 2), (CIRCLE, 2, 1)])
 def test_its_integral_is_the_volume_of_the_particles(wall, d, power):
     positions = np.array([[3.9, 3.2, 3.1], [2.0, 2.5, 3.4], [3.0, 4.6, 2.9], [3.0, 1.6, 2.1]])[:, :d]
@@ -51,6 +52,7 @@ def test_without_a_round_container_there_is_none():
         haff.Box([6.0, 6.0, 6.0], ["wall"] * 3, 3, container="cylinder")
 
 
+@pytest.mark.long
 @pytest.mark.physics
 def test_spheres_in_a_tube_are_in_layers_beside_its_wall():
     with haff.pack(1000, "jammed", container="tube", aspect=2.0, seed=1) as packing:

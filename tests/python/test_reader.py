@@ -180,6 +180,7 @@ def test_errors_are_one_line_and_name_the_file(tmp_path):
         assert path.name in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.long
 def test_a_wall_of_the_box_with_properties_of_its_own_is_read(command, tmp_path):
     """An entry of ``[[wall]]`` that names a wall of the box has no shape."""
     with command.run("thermal_walls", run__until=20.0).open() as run:

@@ -99,6 +99,7 @@ def stand_in(path, rate):
     return path
 
 
+@pytest.mark.long
 def test_record_has_every_cell_of_haff_and_peers_and_a_figure(record, tmp_path, monkeypatch, capsys):
     ours, peer = stand_in(tmp_path / "haff", 2e6), stand_in(tmp_path / "other", 1e6)
     words = ["--haff", str(ours), "--n", "100,200", "--phi", "0.1,0.3", "--repeats", "2", "--collisions", "50"]
@@ -165,6 +166,7 @@ def test_record_pages_have_their_sections_and_at_most_150_lines(record, monkeypa
         assert made in (folder / f"{name}.md").read_text(), f"--replot makes another {name}.md"
 
 
+@pytest.mark.long
 def test_start_is_timed_in_turn_and_tabulated_by_medians(tmp_path, monkeypatch, capsys):
     """The packages and programs are stand-ins: what is run, how often, and what becomes of the times."""
     monkeypatch.syspath_prepend(str(RECORD.parent))

@@ -56,6 +56,7 @@ def test_surroundings_are_those_of_a_blur_at_full_resolution(reach):
     assert np.corrcoef(found.ravel(), expected.ravel())[0, 1] > 0.99
 
 
+@pytest.mark.long
 def test_a_sphere_as_large_as_the_picture_is_drawn_in_time():
     """The blur over a sphere as large as the picture took some hundred times as long as that over a small one."""
 

@@ -72,6 +72,7 @@ def assert_same(found: dict[str, np.ndarray], whole: dict[str, np.ndarray], abou
         np.testing.assert_array_equal(found[name], expected, err_msg=f"{name} {about}", strict=True)
 
 
+@pytest.mark.long
 def test_resumed_file_equals_that_of_an_uninterrupted_run(tmp_path):
     """For all datasets and any number of threads; with windows, in blocks, with lists, and in a box with gravity."""
     cases = {
@@ -128,6 +129,7 @@ def rows_on_disk(path: Path) -> int:
         return 0
 
 
+@pytest.mark.long
 def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
     """SIGKILL at seeded instants; HAFF_KILLS=200 for the long form (about two minutes)."""
     until = 60
@@ -184,6 +186,7 @@ def test_run_killed_at_any_instant_loses_no_flushed_data(tmp_path):
     )
 
 
+@pytest.mark.long
 def test_run_without_checkpoint_interval_writes_checkpoints_by_wall_time(tmp_path):
     """The simulated time of an inelastic gas up to a number of collisions cannot be predicted."""
     path = tmp_path / "long.h5"

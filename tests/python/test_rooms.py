@@ -90,6 +90,7 @@ def test_what_the_tests_look_for_is_found(tmp_path):
     assert [[file.stem for file in circle] for circle in circles(crate.names())] == [["b", "c", "a"]]
 
 
+@pytest.mark.long
 def test_no_modules_of_the_package_import_each_other_in_a_circle():
     found = imports()
     assert len(found) > 50
@@ -101,6 +102,7 @@ LOWER = "text errors common theory mechanics files analysis export figures reade
 PACKAGE = [*LOWER, *"viewer scenes packing command live __main__ __init__".split()]
 
 
+@pytest.mark.long
 def test_no_room_of_the_package_imports_a_higher_one():
     package = ROOT / "python" / "haff"
 

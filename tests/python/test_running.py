@@ -94,6 +94,7 @@ def crc(values: np.ndarray) -> int:
     return zlib.crc32(np.array2string(values).encode() if values.dtype == object else values.tobytes())
 
 
+@pytest.mark.long
 def test_readers_of_a_running_file_read_one_state_each(running):
     """A short form of benches/running.py."""
     lengths = [frames_of(running)]
@@ -111,6 +112,7 @@ def test_a_file_that_is_open_does_not_hide_what_the_run_writes(running):
         np.testing.assert_array_equal(first.frames[known - 1].time, first.frames.time[-1])
 
 
+@pytest.mark.long
 def test_a_reader_that_is_stopped_does_not_stop_the_run(running):
     fcntl = pytest.importorskip("fcntl")
     with running.open("rb") as stopped:
@@ -126,6 +128,7 @@ def test_a_reader_that_is_stopped_does_not_stop_the_run(running):
             wait_for_more_than(frames_of(running), running)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -151,6 +154,7 @@ def test_info_says_that_a_run_is_running(running, command):
     assert (report["running"], report["resumable"], report["finished"]) == (True, False, False)
 
 
+@pytest.mark.long
 def test_collapsed_gas_goes_on_with_the_contact_duration_that_the_error_names(tmp_path, command):
     path = tmp_path / "collapsed.h5"
     sets = {

@@ -71,6 +71,7 @@ def test_overrides_of_every_kind_are_applied(tmp_path):
         haff.save_scene(GAS | {"species": [{"mass": None}]}, tmp_path / "never.toml")
 
 
+@pytest.mark.long
 def test_every_scene_is_unchanged_by_a_round_trip_through_python(tmp_path):
     for path in sorted(CONFIGS.glob("**/*.toml")):
         if "invalid" in path.parts:
@@ -109,6 +110,7 @@ def test_errors_are_those_of_the_command_with_positions(tmp_path):
         haff.resume(tmp_path / "no_such.h5")
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
     # Elastic, so that it does not slow down: a few seconds of work.
     gas = GAS | {"contact": {"restitution": 1.0}, "run": {"until": 3000.0}}

@@ -110,6 +110,7 @@ def test_one_particle_alone_has_no_records_by_collisions():
         haff.validate(ball)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "settings"),
     [

@@ -105,6 +105,7 @@ def test_shapes_of_damaged_scenes_are_refused(wall, message):
 # --- pages ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "d"), ALL, ids=NAMES)
 @pytest.mark.parametrize("moves", MOVES)
 def test_pages_have_each_shape_where_it_is(name, d, moves, made, tmp_path):
@@ -172,6 +173,7 @@ def test_triangles_are_all_of_a_surface_and_seen_from_outside(name):
         assert np.einsum("fi,fi", a, np.cross(b, c)) / 6 == pytest.approx(volume, rel=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["drum", "globe", "plate"])
 def test_the_extent_of_the_view_has_finite_walls_in_it_as_they_move(name, made, tmp_path):
     for moves in ("still", "steady", "sine"):
@@ -206,6 +208,7 @@ def test_walls_without_end_are_cut_at_the_box_and_large_obstacles_do_not_shrink_
     assert len(found.shapes) == 1 and found.room.size.max() <= 1 + 2 * shapes.FARTHEST
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("d", [2, 3])
 def test_marks_turn_with_their_wall(show, tmp_path, d):
     rate = -0.7
@@ -234,6 +237,7 @@ def test_marks_turn_with_their_wall(show, tmp_path, d):
         assert np.allclose(np.linalg.norm(before, axis=1), 1.5, atol=1e-5)
 
 
+@pytest.mark.long
 def test_faces_of_the_box_and_planes_that_turn_have_marks(show, tmp_path):
     plane = {"name": "lid", "plane": {"point": [4, 4, 7], "normal": [0, 0, -1]}, "rotation": {"rate": 1.0}}
     scene = scene_of(SPACE["ball"], 3, ["wall"] * 3)
@@ -255,6 +259,7 @@ def test_faces_of_the_box_and_planes_that_turn_have_marks(show, tmp_path):
     assert np.allclose(np.linalg.norm(face[0][:192] - [8, 3, 4], axis=1), 3, atol=1e-5)
 
 
+@pytest.mark.long
 def test_containers_are_open_towards_the_viewer_and_obstacles_are_whole(show, tmp_path):
     """One small grain beside the middle of the view, which shows what is drawn of the sphere there."""
     seen = {}
@@ -280,6 +285,7 @@ def test_containers_are_open_towards_the_viewer_and_obstacles_are_whole(show, tm
     assert seen["inside"] < seen["both"] < seen["outside"], seen
 
 
+@pytest.mark.long
 def test_lines_of_the_plane_are_drawn_beside_the_grains(show, tmp_path):
     wall = {**PLANE["circle"], "passes": []}
     haff.run(scene_of(wall, 2), file=tmp_path / "a.h5")
@@ -299,6 +305,7 @@ def test_lines_of_the_plane_are_drawn_beside_the_grains(show, tmp_path):
 # --- walls that are passed -------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_walls_that_are_passed_are_fainter_in_pages_and_dashed_in_figures(show, tmp_path):
     walls = {"kept": [], "passed": ["grain"]}
     opacities, styles = {}, {}
@@ -324,6 +331,7 @@ def test_walls_that_are_passed_are_fainter_in_pages_and_dashed_in_figures(show, 
 # --- figures -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "d"), ALL, ids=NAMES)
 @pytest.mark.parametrize("moves", ["still", "sine"])
 def test_snapshots_show_the_shapes(name, d, moves, made, tmp_path):
@@ -366,6 +374,7 @@ def test_lines_behind_particles_are_hidden_by_them():
     assert walls.in_front(line + up, picture) and not walls.in_front(line - 2 * up, picture)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("d", [2, 3])
 def test_paths_are_drawn_in_their_container(d, tmp_path):
     ball = {"name": "a", "position": [0.3, 0.4] if d == 2 else [0.3, 0, 0.4], "velocity": [1, 0, 0][:d]}
@@ -396,6 +405,7 @@ def test_planes_are_lines_of_snapshots(tmp_path):
     assert np.allclose(found, [[0, 2], [4, 8]], atol=1e-6) and np.allclose(np.concatenate(segments)[:, 0], 4)
 
 
+@pytest.mark.long
 def test_movies_show_moving_walls_in_one_region(made, tmp_path):
     assert main(["plot", str(made("globe", 3, "steady")), "--movie", str(tmp_path / "a.gif")]) == 0
     from PIL import Image

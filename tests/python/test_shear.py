@@ -128,6 +128,7 @@ def test_unwrapped_positions_are_continuous_and_move_with_the_velocity(dense, tu
         assert jumps > 0 and crossed > 5, "the test has seen what it is about"
 
 
+@pytest.mark.long
 def test_no_particles_are_nearer_than_a_diameter_across_the_sliding_faces(dense, turned, disks):
     for run in (dense, turned, disks):
         d, ignored = run.dimension, 0.0
@@ -324,6 +325,7 @@ def test_a_run_without_frames_has_the_box_and_its_shear(tmp_path):
 # --- exports -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_extxyz_has_the_lattice_of_each_frame(dense, turned, disks, tmp_path):
     ase = pytest.importorskip("ase.io")
     for run in (dense, turned, disks):
@@ -397,6 +399,7 @@ def test_boxes_that_a_format_cannot_hold_are_refused(name, request, tmp_path):
         run.to_mdanalysis()
 
 
+@pytest.mark.long
 def test_vtkhdf_has_the_edge_vectors_of_each_step(dense, disks, tmp_path):
     for run in (dense, disks):
         run.export(tmp_path / "a.vtkhdf", frames="::10", overwrite=True)
@@ -421,6 +424,7 @@ def test_vtkhdf_has_the_edge_vectors_of_each_step(dense, disks, tmp_path):
         np.testing.assert_array_equal(edges[:2, :2], frame.box.edges[:2, :2])
 
 
+@pytest.mark.long
 def test_mdanalysis_has_the_angles_of_each_frame(dense):
     pytest.importorskip("MDAnalysis")
     from MDAnalysis.lib.distances import self_distance_array
@@ -450,6 +454,7 @@ def test_tables_of_unwrapped_frames_are_those_of_the_displaced_box(dense, tmp_pa
     np.testing.assert_allclose(table[["x", "y", "z"]], expected, rtol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["snapshot", "structure", "velocity", "energy", "stress", "temperature"])
 def test_figures_of_sheared_runs_are_drawn(dense, disks, kind):
     for run in (dense, disks) if kind != "velocity" else (dense,):
@@ -466,6 +471,7 @@ def start(path, index, **domain):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ending", "precision"), [("h5", 0.0), ("extxyz", 0.0), ("gsd", 1e-6)])
 def test_a_run_goes_on_from_a_displaced_frame(dense, tmp_path, ending, precision):
     index = 77
@@ -487,6 +493,7 @@ def test_a_run_goes_on_from_a_displaced_frame(dense, tmp_path, ending, precision
     np.testing.assert_allclose(live.box.edges, later.box.edges, atol=10 * precision + 1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", ["h5", "extxyz", "gsd"])
 def test_displaced_states_need_the_same_shear_in_the_scene(dense, tmp_path, command, ending):
     path = dense.path
@@ -623,6 +630,7 @@ def test_rheology_is_refused_where_there_is_none(dense, fluid_file, tmp_path):
         analysis.rheology(run)
 
 
+@pytest.mark.long
 def test_diffusion_is_that_across_the_flow(tmp_path):
     followed = scene(measure={"msd": True, "vacf": True, "interval": 0.05})
     haff.run(followed, file=tmp_path / "a.h5", run__until=12.0, output__events=False)
@@ -647,6 +655,7 @@ def test_momentum_relative_to_the_flow_changes_by_the_external_impulse(dense, tu
             np.testing.assert_allclose(own, [row[f"momentum_{axis}"] for axis in "xyz"], atol=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize("name", ["dense", "turned", "disks"])
 def test_sheared_runs_pass_the_audit(name, request):
@@ -656,6 +665,7 @@ def test_sheared_runs_pass_the_audit(name, request):
     assert any(finding.name.startswith("edge vectors") for finding in findings)
 
 
+@pytest.mark.long
 @pytest.mark.physics
 def test_rough_mixtures_in_shear_pass_the_audit(tmp_path):
     rough = scene("y", "z", 0.8, contact={"restitution": 0.8, "tangential_restitution": 0.4, "friction": 0.3})
@@ -668,6 +678,7 @@ def test_rough_mixtures_in_shear_pass_the_audit(tmp_path):
         assert any(finding.name.startswith("tangential impulse") for finding in findings)
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize(
     ("change", "finding"),

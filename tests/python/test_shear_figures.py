@@ -71,6 +71,7 @@ def test_enskogs_flow_has_the_values_of_an_independent_solution(e, T, P_xy, p):
         assert flow.mean_free_time == pytest.approx(0.11337, abs=6e-6)
 
 
+@pytest.mark.long
 def test_enskogs_flow_balances_work_and_losses():
     """-γ̇ P_xy is the mean loss of a collision, m(1 - e²)⟨w³⟩/(4⟨w⟩) of Gaussian approach speeds, times their rate."""
     e, phi = np.array([0.5, 0.8, 0.95]), np.array([0.02, 0.2, 0.4])
@@ -108,6 +109,7 @@ def test_enskogs_flow_of_a_nearly_elastic_fluid_has_its_viscosity():
         assert flow.pressure == pytest.approx(n * flow.temperature * theory.compressibility(phi), rel=1e-3)
 
 
+@pytest.mark.long
 def test_enskogs_flow_is_the_one_of_scipys_solver(monkeypatch):
     e, phi = np.array([0.0, 0.5, 0.9, 0.99, 0.9999])[:, None], np.array([1e-6, 0.1, 0.48])
     own = theory.uniform_shear_enskog(e, phi)
@@ -154,6 +156,7 @@ def run(tmp_path_factory):
     return path, scene
 
 
+@pytest.mark.long
 def test_default_draws_the_figures_of_a_sheared_run(run, tmp_path, capsys):
     assert main(["plot", str(run[0]), "-o", str(tmp_path)]) == 0
     drawn = {path.stem.removeprefix("sheared-") for path in tmp_path.iterdir()}
@@ -201,6 +204,7 @@ def test_shear_figure_shows_the_run_and_the_theory_in_the_units_of_the_scene(run
         assert u == pytest.approx(-0.5 * place, abs=0.02 * 0.5 * file.box.size[0])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("settings", "why"),
     [
@@ -232,6 +236,7 @@ def test_shear_figure_needs_shear_and_stresses(run, files, tmp_path, capsys):
     assert "skipped shear: no pressure tensor (set measure.stress in the scene)" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["shear", "velocity"])
 def test_no_text_of_a_sheared_run_is_cut_off_or_covers_other_text(run, kind, monkeypatch):
     require_texts_apart(run[0], kind, monkeypatch)

@@ -396,6 +396,7 @@ def test_at_the_ratio_of_theory_both_temperatures_fall_alike(d, axes):
     assert np.allclose(lost.translational / d, lost.rotational / (axes * ratio), rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("d", "axes"), [(2, 1), (3, 3)])
 def test_mean_losses_are_those_of_impacts_drawn_at_random(d, axes):
     rng = np.random.default_rng(d)

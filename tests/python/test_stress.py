@@ -11,6 +11,7 @@ from validation import audit, long
 from validation.stress import ENDS, OWN, SCENES, SHORT, judge
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.stem)
 def test_stress_scene_passes_its_audit(scene, tmp_path):
@@ -94,6 +95,7 @@ def test_audit_finds_overlaps_across_periodic_faces_and_at_walls(recorded):
     assert audit.overlap(scene, x, 1.0) == pytest.approx(0.8)
 
 
+@pytest.mark.long
 @pytest.mark.physics
 @pytest.mark.parametrize(
     "gas",

@@ -51,6 +51,7 @@ def lattice(cells, spacing, d=3):
 # --- pairs ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -295,6 +296,7 @@ def test_distance_of_links_is_in_units_of_the_contact_distance():
     assert list(analysis.clusters(frame, 1.51).sizes) == [2, 2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("flow", "gradient"), [(0, 1), (1, 0), (2, 0), (1, 2)])
 def test_clusters_of_a_sheared_box_are_those_of_all_images(flow, gradient):
     rng = np.random.default_rng(20 + 3 * flow + gradient)

@@ -72,6 +72,7 @@ DRAWN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DRAWN)
 def test_figures_are_drawn_by_name_where_they_apply(paths, name, tmp_path, capsys):
     words = [word for kind in _BY_NAME for word in ("--kind", kind)]
@@ -88,6 +89,7 @@ def test_figures_by_name_are_marked():
     assert {name for name, kind in figures.KINDS.items() if not kind.standard} == set(_BY_NAME)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "kind"),
     [(name, kind) for name in ("cooling", "sheared", "mixture", "layer") for kind in sorted(DRAWN[name])],
@@ -96,6 +98,7 @@ def test_no_text_is_cut_off_or_covers_other_text(paths, name, kind, monkeypatch)
     require_texts_apart(paths[name], kind, monkeypatch)
 
 
+@pytest.mark.long
 def test_structure_figure_has_the_distribution_by_freud(paths):
     for name in ("cooling", "mixture", "sheared"):
         with haff.open(paths[name]) as run:
@@ -200,6 +203,7 @@ def large(tmp_path_factory):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "most"), [("structure", 5), ("structure_factor", 8), ("clusters", 5), ("density", 5)])
 def test_figures_of_many_particles_take_little_processor_time(large, tmp_path, kind, most):
     """About 1.2, 2.2, 1.8 and 1 s; g(r) of all pairs of six frames by freud takes 10 s."""

@@ -138,6 +138,7 @@ def temperature(run: haff.File) -> float:
     return run.samples["temperature"][-1]
 
 
+@pytest.mark.long
 def test_files_are_measured_with_errors_and_a_study_opens_without_its_values(tmp_path):
     values = {"contact.restitution": [0.8, 0.9], "domain.boundary": [["periodic"] * 3, ["wall"] * 3]}
     study = haff.sweep(GAS, values, seeds=3, output=tmp_path, measure=temperature, run__until=2.0, title="a study")
@@ -214,6 +215,7 @@ def test_scene_can_be_a_mapping_and_failures_are_reported(tmp_path):
         haff.sweep(tmp_path / "none.toml", seeds=2, output=tmp_path / "b")
 
 
+@pytest.mark.long
 def test_local_cluster_continues_a_study_of_the_command(tmp_path):
     pytest.importorskip("distributed")
     study = {"contact.restitution": [0.8, 0.9], "run.until": [2]}
@@ -227,6 +229,7 @@ def test_local_cluster_continues_a_study_of_the_command(tmp_path):
     xarray.testing.assert_identical(found, haff.sweep(GAS, study, seeds=2, output=tmp_path))
 
 
+@pytest.mark.long
 def test_dask_result_equals_the_serial_one_after_a_worker_is_killed(serial, tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
@@ -243,6 +246,7 @@ def test_dask_result_equals_the_serial_one_after_a_worker_is_killed(serial, tmp_
     assert any(row.get("resumed_from", 0) > 0 for row in manifest["runs"]), "a killed run is resumed from a checkpoint"
 
 
+@pytest.mark.long
 def test_snakemake_result_equals_the_serial_one_after_a_run_is_killed(serial, tmp_path):
     pytest.importorskip("snakemake")
     config = {

@@ -68,6 +68,7 @@ def grown(folder: Path, **options) -> tuple[xarray.Dataset, xarray.Dataset]:
     return before, after
 
 
+@pytest.mark.long
 def test_more_values_and_seeds_add_only_the_missing_runs(tmp_path):
     _, after = grown(tmp_path / "grown")
     # As if all had been asked for at once.
@@ -81,6 +82,7 @@ def test_more_values_and_seeds_add_only_the_missing_runs(tmp_path):
     xarray.testing.assert_identical(again, after)
 
 
+@pytest.mark.long
 def test_cluster_adds_only_the_missing_runs(tmp_path):
     pytest.importorskip("distributed")
     _, after = grown(tmp_path, cluster="local")

@@ -40,6 +40,7 @@ def test_run_of_a_template_leaves_nothing(name, empty, tmp_path):
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
+@pytest.mark.long
 def test_temporary_file_lives_as_long_as_result_or_file(empty):
     result = haff.run(haff.template("cooling"), species__0__count=100, **SHORT)
     path, file = result.path, result.file
@@ -70,6 +71,7 @@ def test_result_is_saved_to_a_path(empty):
     assert [path.name for path in empty.iterdir()] == ["kept.h5"]
 
 
+@pytest.mark.long
 def test_named_files_are_kept_where_they_are_named(empty):
     scene = haff.template("cooling")
     scene["species"][0]["count"] = 100

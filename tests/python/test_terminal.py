@@ -68,6 +68,7 @@ def look(*arguments: str, columns: int, interrupt: str = "") -> Seen:
 ENDLESS = ["--set", "run.until=1e7", "--set", "output.frames=false"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("columns", "cells"), [(40, 3), (80, 5)])
 def test_rows_of_a_watched_run_fit_the_terminal(columns, cells, tmp_path, command):
     path = str(tmp_path / "gas.h5")

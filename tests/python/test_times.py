@@ -29,6 +29,7 @@ def collapsed(command, path, **sets):
         return report, run.frames.time if "frames" in run else None, run.samples["time"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("due", ["frames", "observables"])
 def test_a_collapse_at_the_time_of_a_record_does_not_repeat_it(due, tmp_path, command):
     report, *_ = collapsed(command, tmp_path / "first.h5")

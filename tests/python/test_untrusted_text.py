@@ -74,6 +74,7 @@ def test_title_is_escaped_in_a_page(title, tmp_path, capsys):
     assert header["title"] == shown and header["species"] == [shown]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("title", TITLES, ids=ascii)
 def test_title_is_escaped_in_a_figure(title, tmp_path, recwarn):
     path = titled(tmp_path / "gas.h5", title, name=title)

@@ -224,6 +224,7 @@ def test_monte_carlo_collisions_conserve_momentum_and_lose_energy(e):
     assert lost == pytest.approx(expected, rel=4 / done**0.5, abs=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("e", [1.0, 0.5])
 def test_tabulated_velocity_distributions_are_those_of_the_boltzmann_equation(e):
     expected, error = boltzmann.A2.get(e, (0.0, 0.0))

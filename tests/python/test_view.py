@@ -295,6 +295,7 @@ def test_few_bodies_of_a_sheared_box_follow_their_exact_paths(tmp_path):
 # --- in a browser --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_ball_is_drawn_at_its_position(show, files):
     page = show(files["ball"])
     for time in (0.0, 0.3, 1.1):
@@ -321,6 +322,7 @@ def pair(path, position, velocity, image, times):
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
     """Two equal spheres collide head on, elastically, between the only two frames, across a periodic face."""
     speed, end = np.array([1.0, -2.0]), 2.0
@@ -339,6 +341,7 @@ def test_between_two_frames_a_single_collision_is_exact(show, tmp_path):
             assert page.evaluate(f"haffView.player.locate({k})")["position"][0] == pytest.approx(x % 10, abs=1e-5)
 
 
+@pytest.mark.long
 def test_sphere_across_a_periodic_face_is_drawn_at_both_sides(show, tmp_path):
     """A sphere at an edge of the box is drawn at four edges, one at the center once."""
     position = np.array([[[9.8, 0.1, 5.0], [5.0, 5.0, 5.0]]])
@@ -359,6 +362,7 @@ def test_sphere_across_a_periodic_face_is_drawn_at_both_sides(show, tmp_path):
         assert not any(lit(x, 5.0, 5.0) for x in (-5.0, -0.2, 9.8)) and not lit(-0.2, 0.1, -5.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_particles_of_a_sheared_box_are_drawn_where_they_are(show, tmp_path, dimension):
     """In the picture, which the shader makes, and by `locate`, which `flight.js` does; also between frames."""
@@ -382,6 +386,7 @@ def test_particles_of_a_sheared_box_are_drawn_where_they_are(show, tmp_path, dim
         assert all(lit[round(at["y"]), round(at["x"])] for at in near if 0 <= at["y"] < 480), "an image is missing"
 
 
+@pytest.mark.long
 def test_collision_across_the_gradient_face_is_drawn_where_it_is(show, tmp_path):
     """By the shader: spheres are seen where the exact flights are."""
     expected = met(tmp_path / "pair.h5")
@@ -408,6 +413,7 @@ def images_of(position, time, d):
     return found[np.all((found[:, axes] > -0.5) & (found[:, axes] < edge + 0.5), axis=1)]
 
 
+@pytest.mark.long
 def test_file_with_one_frame_is_drawn(show, tmp_path):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=100, frames=2, events=False)
     page = show(gas, "--frames", "-1")
@@ -415,6 +421,7 @@ def test_file_with_one_frame_is_drawn(show, tmp_path):
     assert (seek(page, 0).std(axis=2) > 12).mean() > 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["cooling", "disks"])
 def test_page_of_a_gas_plays_highlights_collisions_and_handles_keys(show, files, name):
     page = show(files[name])
@@ -455,6 +462,7 @@ def test_page_of_a_gas_plays_highlights_collisions_and_handles_keys(show, files,
     assert seek(page, 0)[5, 5].tolist() == [255, 255, 255]
 
 
+@pytest.mark.long
 def test_curves_of_tiny_numbers_are_drawn(show, command):
     """A temperature that falls from 1e-33 by more than a decade is drawn on a logarithmic axis."""
     settings = {"run__until": 3e18, "output__frames": 1e17, "output__observables": 1e17, "output__checkpoint": 1e18}
@@ -477,6 +485,7 @@ def test_curves_of_tiny_numbers_are_drawn(show, command):
     )
 
 
+@pytest.mark.long
 def test_points_of_many_particles_are_drawn_as_spheres_of_few(show, tmp_path, browser):
     gas = synthetic.cooling_gas(tmp_path / "gas.h5", n=700, frames=2, events=False)
     pictures = []
@@ -504,6 +513,7 @@ def test_an_oscillating_wall_of_the_box_is_in_the_page(command, tmp_path):
     assert page.header["walls"] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_partition_is_drawn_with_its_hole(show, tmp_path, dimension):
     scene = {

@@ -87,6 +87,7 @@ def same(one, other):
     return np.abs(one - other).max() < 0.08
 
 
+@pytest.mark.long
 def test_a_fixed_range_keeps_colors_while_speeds_fall(show, tmp_path):
     path = two_speeds(tmp_path / "two.h5")
     page = show(path, "--color", "speed")
@@ -102,6 +103,7 @@ def test_a_fixed_range_keeps_colors_while_speeds_fall(show, tmp_path):
     assert same(hues(page, 1)[1], late[1])
 
 
+@pytest.mark.long
 def test_the_ends_of_the_range_can_be_entered(show, tmp_path):
     page = show(two_speeds(tmp_path / "two.h5"), "--color", "speed", "--color-range", "0", "1")
     assert page.locator("#lowest").input_value() == "0" and page.locator("#highest").input_value() == "1"
@@ -127,6 +129,7 @@ def test_the_ends_of_the_range_can_be_entered(show, tmp_path):
         assert "end of the colors" in page.locator(name).get_attribute("aria-label")
 
 
+@pytest.mark.long
 def test_the_logarithmic_range_of_losses_is_in_their_unit(show, files):
     page = show(files["cooling"], "--color", "recent-loss")
     largest, decades = (page.evaluate(f"header.losses.{name}") for name in ("largest", "decades"))
@@ -197,6 +200,7 @@ def packed(count, dimension, radii, seed):
     return np.array(places)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("slide", [0.0, 2.7])
 def test_density_is_the_share_of_the_ball_that_particles_fill(tmp_path, dimension, slide):
@@ -258,6 +262,7 @@ def test_density_of_a_gas_has_the_packing_fraction_as_its_mean(tmp_path):
     assert found.mean() == pytest.approx(512 * np.pi / 6 / (EDGE * 1.5) ** 3, rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("exact", [True, False])
 def test_page_colors_a_dense_cluster_brighter_than_a_lone_particle(show, tmp_path, monkeypatch, exact):
     """Seven spheres in contact, and one on its own; also from places stored as 65536ths."""
@@ -288,6 +293,7 @@ def test_page_colors_a_dense_cluster_brighter_than_a_lone_particle(show, tmp_pat
     assert float(page.locator("#highest").input_value()) == pytest.approx(max(found), rel=1e-2)
 
 
+@pytest.mark.long
 def test_density_of_frames_is_found_in_a_worker_while_the_page_plays(show, files):
     page = show(files["cooling"])
     page.locator("#coloring").select_option("density")

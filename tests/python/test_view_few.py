@@ -53,6 +53,7 @@ def test_energies_have_the_colors_of_the_figure(command, tmp_path):
     assert colors["dissipated"].lower() == drawn["dissipated, sphere–sphere"]
 
 
+@pytest.mark.long
 def test_counts_are_those_of_the_shown_time(command, show):
     done = command.run("breakshot")
     with done.open() as run:
@@ -69,6 +70,7 @@ def test_counts_are_those_of_the_shown_time(command, show):
     assert int(page.evaluate(read, float(times[0]))) >= 1
 
 
+@pytest.mark.long
 def test_every_collision_of_few_bodies_is_lit(command, show):
     page = show(command.run("breakshot").path)
     page.evaluate("() => { const p = haffView.player; p.seek(p.timeline.timeAt(p.last)); p.setSpeed(5); p.draw(); }")
@@ -77,12 +79,14 @@ def test_every_collision_of_few_bodies_is_lit(command, show):
     assert page.evaluate(lit) == 1
 
 
+@pytest.mark.long
 def test_the_page_speaks_of_threads_only_in_its_help(command, show):
     page = show(command.run("breakshot").path)
     assert "thread" not in page.inner_text("header")
     assert "threads: " in page.text_content("#keys")
 
 
+@pytest.mark.long
 def test_marks_are_drawn_where_the_ball_is(command, show):
     page = show(command.run("bouncing_superball").path)
     far = """t => { const p = haffView.player; p.seek(t); p.draw();
@@ -97,6 +101,7 @@ def test_marks_are_drawn_where_the_ball_is(command, show):
         assert page.evaluate(far, time) < 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (844, 390)])
 def test_narrow_windows_have_one_row_of_controls(command, show, width, height):
     page = show(command.run("breakshot").path, width=width, height=height)
@@ -110,11 +115,13 @@ def test_narrow_windows_have_one_row_of_controls(command, show, width, height):
     assert page.evaluate(size, "#stage") == stage and stage[1] > 0.4 * height
 
 
+@pytest.mark.long
 def test_wide_windows_have_all_controls(command, show):
     page = show(command.run("breakshot").path, width=1280, height=800)
     assert not page.is_visible("#more") and page.is_visible("#speed") and page.is_visible("#help")
 
 
+@pytest.mark.long
 def test_fingers_have_large_controls(command, browser, tmp_path):
     page_of(command.run("breakshot").path, tmp_path)
     context = browser.new_context(viewport={"width": 390, "height": 844}, offline=True, has_touch=True, is_mobile=True)

@@ -29,6 +29,7 @@ def overlapping(boxes):
             yield a, b
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (720, 480), (480, 800), (390, 800), (360, 640), (800, 360)])
 def test_no_part_covers_another_or_leaves_the_window(show, gas, width, height):
     page = show(gas, width=width, height=height)
@@ -55,6 +56,7 @@ def test_no_part_covers_another_or_leaves_the_window(show, gas, width, height):
         assert stage["width"] >= 150 and stage["height"] >= 148
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["cooling", "disks"])
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 800)])
 def test_legend_is_beside_the_scene_and_the_box_fills_its_own_area(show, files, name, width, height):
@@ -77,6 +79,7 @@ def test_legend_is_beside_the_scene_and_the_box_fills_its_own_area(show, files, 
     assert max((max(x) - min(x)) / stage["width"], (max(y) - min(y)) / stage["height"]) > 0.7
 
 
+@pytest.mark.long
 def test_scene_stays_in_view_when_the_window_changes(show, files):
     page = show(files["cooling"], width=1280, height=800)
     page.keyboard.press("d")
@@ -92,6 +95,7 @@ def test_scene_stays_in_view_when_the_window_changes(show, files):
         assert stage["y"] < at["y"] < stage["y"] + stage["height"]
 
 
+@pytest.mark.long
 def test_nothing_moves_while_a_page_plays(show, gas):
     page = show(gas, width=390, height=800)
     page.keyboard.press("i")
@@ -103,6 +107,7 @@ def test_nothing_moves_while_a_page_plays(show, gas):
     assert len(places) == 1
 
 
+@pytest.mark.long
 def test_controls_have_names_for_screen_readers(show, files):
     page = show(files["cooling"])
     unnamed = page.evaluate(

@@ -40,6 +40,7 @@ def set_opacity(page, value, species=""):
     page.evaluate("v => { opacity.value = v; opacity.dispatchEvent(new Event('input')); }", value)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 @pytest.mark.parametrize("points", [False, True])
 def test_colors_mix_as_their_opacities_say_in_any_order(show, tmp_path, order, points):
@@ -69,6 +70,7 @@ def test_colors_mix_as_their_opacities_say_in_any_order(show, tmp_path, order, p
     assert color_at_center(page) == pytest.approx(mixed, abs=error)
 
 
+@pytest.mark.long
 def test_opacity_of_all_species_is_set_at_once_and_by_keys(show, tmp_path):
     page = show(row_of_spheres(tmp_path / "row.h5", [0, 1]))
     opaque = color_at_center(page)
@@ -83,6 +85,7 @@ def test_opacity_of_all_species_is_set_at_once_and_by_keys(show, tmp_path):
     assert color_at_center(page) == pytest.approx(opaque, abs=1)
 
 
+@pytest.mark.long
 def test_disks_are_mixed_with_the_background(show, tmp_path):
     path = row_of_spheres(tmp_path / "disks.h5", [0, 1], [(3.0, 3.0, 0.0), (7.0, 7.0, 0.0)], d=2)
     page = show(path)
@@ -100,6 +103,7 @@ def test_disks_are_mixed_with_the_background(show, tmp_path):
     assert second == pytest.approx(0.25 * full[1] + 0.75 * BACK, abs=2)
 
 
+@pytest.mark.long
 def test_the_grain_goes_while_nothing_moves(show, tmp_path):
     page = show(row_of_spheres(tmp_path / "row.h5", [0, 1]))
     set_opacity(page, 0.5)

@@ -96,6 +96,7 @@ def test_the_first_sphere_on_a_ray_is_picked_also_if_it_is_an_image(tmp_path):
     assert expected != [first_hit(position, np.arange(60), 0.5, *ray) for ray in rays]
 
 
+@pytest.mark.long
 def test_images_of_a_sheared_box_are_picked_where_they_slide(tmp_path):
     rng = np.random.default_rng(5)
     position = synthetic.jittered_lattice(rng, 60, EDGE, 3, 1.0)
@@ -124,6 +125,7 @@ def test_of_spheres_behind_each_other_the_front_one_that_is_not_hidden_is_picked
     assert picked(page, rays, tmp_path, visible=(False, False)) == [None] * 4
 
 
+@pytest.mark.long
 def test_one_of_a_hundred_thousand_particles_is_picked(tmp_path):
     per = 47
     lattice = np.stack(np.meshgrid(*[np.arange(per)] * 3, indexing="ij"), -1).reshape(-1, 3)[:100_000]
@@ -157,6 +159,7 @@ def numbers(text):
     return [float(value) for value in text.split(",")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rough", "rough_disks"])
 def test_a_click_shows_the_numbers_of_the_file(show, files, name):
     page = show(files[name])
@@ -191,6 +194,7 @@ def test_a_click_shows_the_numbers_of_the_file(show, files, name):
     assert not page.locator("#particle").is_visible() and page.locator(".ring").count() == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("d", [2, 3])
 def test_clicked_particle_is_marked_at_all_its_images_and_followed(show, tmp_path, d):
     depth = 5.0 if d == 3 else 0.0
@@ -228,6 +232,7 @@ def test_clicked_particle_is_marked_at_all_its_images_and_followed(show, tmp_pat
     assert not page.locator("#particle").is_visible()
 
 
+@pytest.mark.long
 def test_fixed_particles_are_picked_and_hidden_ones_are_not(show, tmp_path):
     """From the front (along y), the post of another species hides a grain."""
     path = gas(tmp_path / "posts.h5", [[5.0, 2.0, 5.0], [5.0, 6.0, 5.0]], species=[1, 0], mass=[np.inf, 2e60])
@@ -248,6 +253,7 @@ def test_fixed_particles_are_picked_and_hidden_ones_are_not(show, tmp_path):
     assert facts(page)["mass"] == "2e60", "masses are those of the file, in double precision"
 
 
+@pytest.mark.long
 def test_speed_in_a_sheared_box_is_the_one_relative_to_the_flow(show, tmp_path):
     position = np.array([[2.0, 9.0, 5.0], [6.0, 3.0, 5.0]])
     velocity = np.array([[0.6 * 9.0 + 1.0, 2.0, 0.0], [0.6 * 3.0, 0.0, 0.0]])
@@ -264,6 +270,7 @@ def test_speed_in_a_sheared_box_is_the_one_relative_to_the_flow(show, tmp_path):
     assert numbers(found["velocity"]) == pytest.approx([0.4, 2.0, 0.0], abs=1e-4)
 
 
+@pytest.mark.long
 def test_particles_are_chosen_by_number_without_a_pointer(show, tmp_path):
     page = show(gas(tmp_path / "two.h5", [[2.0, 5.0, 5.0], [7.0, 5.0, 5.0]]))
     page.keyboard.press("i")
@@ -301,6 +308,7 @@ def test_pages_of_smooth_scenes_have_no_spins(files, tmp_path):
         assert "inertia" not in file["particles/all"]
 
 
+@pytest.mark.long
 def test_a_click_before_its_frame_is_unpacked_picks_nothing(show, files):
     page = show(files["cooling"])
     page.evaluate(

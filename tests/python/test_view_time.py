@@ -90,6 +90,7 @@ def test_page_has_the_scale_on_which_the_frames_are_even(tmp_path, times, spacin
     assert page.header["frames"]["spacing"] == spacing
 
 
+@pytest.mark.long
 def test_frames_of_a_cooling_run_play_in_logarithmic_time(show, tmp_path):
     page = show(frames_at(tmp_path / "few.h5", LOGARITHMIC))
     assert page.locator("#scale").input_value() == "log" and "decades/s" in page.locator("#rate").text_content()
@@ -106,6 +107,7 @@ def test_frames_of_a_cooling_run_play_in_logarithmic_time(show, tmp_path):
     assert float(page.locator("#scrub").input_value()) == pytest.approx(1 / 31 + 10 / 31, rel=1e-6)
 
 
+@pytest.mark.long
 def test_evenly_spaced_frames_play_in_linear_time(show, tmp_path):
     page = show(frames_at(tmp_path / "few.h5", np.linspace(0, 8, 9)))
     assert page.locator("#scale").input_value() == "linear"

@@ -5,7 +5,6 @@ use hdf5::{
     Group, H5Type,
     types::{FixedAscii, VarLenUnicode},
 };
-use ndarray::s;
 
 use crate::{
     checkpoint::{Saved, Slot, Tail},
@@ -15,7 +14,6 @@ use crate::{
     handshake,
     header::Header,
     measured::{CorrelationTables, Profiles},
-    queue::Entered,
     series::{SERIES_CHUNK, Series, Storage},
 };
 
@@ -314,22 +312,6 @@ pub(crate) struct Datasets {
 }
 
 impl Datasets {
-    /// Writes what particles are that take places which were kept for them.
-    pub fn enter(root: &Group, particles: &[Entered]) -> hdf5::Result<()> {
-        let all = root.group("particles/all")?;
-        let rough = all.link_exists("inertia");
-        for particle in particles {
-            let row = s![particle.row as usize..=particle.row as usize];
-            all.dataset("species")?.write_slice(&[particle.species], row)?;
-            all.dataset("mass")?.write_slice(&[particle.mass], row)?;
-            all.dataset("radius")?.write_slice(&[particle.radius], row)?;
-            if rough {
-                all.dataset("inertia")?.write_slice(&[particle.inertia], row)?;
-            }
-        }
-        Ok(())
-    }
-
     /// Creates all groups and datasets, and writes all fixed data.
     pub fn create(root: &Group, header: &Header) -> hdf5::Result<Self> {
         write_h5md(root, header)?;

@@ -11,7 +11,7 @@ use std::{
 
 use haff_engine::{Checkpoint, Correlation, EventRecord, Frame, ProfileRow, Sample};
 
-use crate::error::RecordError;
+use crate::{entered::Entered, error::RecordError};
 
 /// Largest number of bytes in the queue; a single message may be larger.
 pub(crate) const LIMIT: usize = 64 << 20;
@@ -22,21 +22,6 @@ pub(crate) const FRAME_BYTES: usize = 24 + 24 + 12;
 pub(crate) const CHECKPOINT_BYTES: usize = 24 + 24 + 12 + 8 + 4 + 4;
 /// Largest number of free buffers for event rows.
 const MAX_FREE_BUFFERS: usize = 4;
-
-/// A particle that takes a place in a file that was kept for one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Entered {
-    /// The row in the file.
-    pub row: u32,
-    /// Index of the species.
-    pub species: u32,
-    /// Mass, infinite of a fixed body.
-    pub mass: f64,
-    /// Radius \[length\].
-    pub radius: f64,
-    /// q = I/(m R²), where there is spin.
-    pub inertia: f64,
-}
 
 /// A task of the writer.
 #[derive(Debug)]

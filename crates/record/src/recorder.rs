@@ -11,10 +11,11 @@ use haff_engine::{Checkpoint, Correlation, EventRecord, Frame, ProfileRow, Sampl
 use crate::{
     checkpoint::mismatch,
     datasets::Datasets,
+    entered::Entered,
     error::{Context, RecordError},
     file::WritableFile,
     header::Header,
-    queue::{CHECKPOINT_BYTES, Entered, FRAME_BYTES, Message, Producer, queue},
+    queue::{CHECKPOINT_BYTES, FRAME_BYTES, Message, Producer, queue},
     writer::Writer,
 };
 

@@ -12,6 +12,7 @@ use crate::{
     checkpoint::{Progress, Saved, SlotHeader},
     clock::text,
     datasets::{Datasets, EARLIER, Observables, SUMMARY},
+    entered,
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
@@ -228,7 +229,7 @@ impl Writer {
             }
             Message::Entered(particles) => {
                 self.dirty = true;
-                Datasets::enter(self.file.root(), &particles).doing(self.file.path(), WRITE)
+                entered::write(self.file.root(), &particles).doing(self.file.path(), WRITE)
             }
             // Handled by `process_messages`.
             Message::Events(_) | Message::Flush(_) | Message::Finish { .. } => Ok(()),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 def find(file: Recording) -> list[dict[str, Any]]:
     """Each joint: ``kind`` (``string``, ``rod`` or ``spring``), its ends (a particle's row or a point), its length."""
     scene = file.scene
+    if not any(scene.get(kind) for kind in ("pendulum", "spring", "rod")):
+        return []
     explicit = scene.get("particle", [])
     if len(explicit) > len(file):
         raise FileError(f"{file.path}: parameters/scene: has {len(explicit)} particles; the file has {len(file)}")
