@@ -125,6 +125,20 @@ def test_events_name_the_rows_of_the_file(tmp_path):
         assert list(run.observables[["particles_in", "particles_out"]].iloc[-1]) == [3, 1]
 
 
+def test_changes_are_events_of_the_file_also_if_python_takes_them(tmp_path):
+    with haff.Simulation(GAS, file=tmp_path / "a.h5", events=True) as live:
+        live.advance(until=1.0)
+        live.velocities = 0.5 * live.velocities
+        live.set(contact__restitution=0.5)
+        assert list(live.take_events()["kind"])[-2:] == ["change", "change"]
+        live.advance(until=2.0)
+        later = live.take_events()
+    with haff.open(tmp_path / "a.h5") as run:
+        kinds = list(run.events.to_pandas()["kind"])
+        assert kinds.count("change") == 2 and len(kinds) > kinds.index("change") + 2
+        assert len(later) == len(kinds) - kinds.index("change") - 2
+
+
 def test_a_file_without_room_takes_no_particle(tmp_path):
     with haff.Simulation(BOARD, file=tmp_path / "a.h5", room=1) as live:
         live.add([3.0, 8.0, 0.0], species="ball", radius=0.1, mass=1.0)

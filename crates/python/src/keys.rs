@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use haff_engine::{EngineError, EventColumn, Observer, SceneFeatures as Features, Simulation, System};
+use haff_record::RecordError;
 use haff_scene::{Present, Scene, SceneErrors};
 
 use crate::scenes::Files;
@@ -50,6 +51,7 @@ impl Described {
 pub enum Refused {
     Scene(SceneErrors),
     Engine(EngineError),
+    Record(RecordError),
     Other(&'static str),
 }
 

@@ -215,7 +215,7 @@ impl Recording {
     }
 
     /// Particles have been removed, by their indices, and others added.
-    pub fn changed(&mut self, removed: &[u32], added: &[Kind]) -> Result<(), RecordError> {
+    pub fn changed(&mut self, removed: &[u32], added: &[Kind], log: &mut Log) -> Result<(), RecordError> {
         let mut index = 0;
         self.rows.retain(|_| {
             index += 1;
@@ -228,7 +228,8 @@ impl Recording {
             self.rows.push(self.next);
             self.next += 1;
         }
-        self.recorder.enter(entered)
+        self.recorder.enter(entered)?;
+        self.take_log(log)
     }
 
     /// Writes the end, and closes the file.

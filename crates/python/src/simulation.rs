@@ -293,7 +293,7 @@ impl Simulation {
                     if let Some(recording) = recording {
                         let kind = |one: &NewParticle| (one.radius, one.mass, one.species);
                         let added: Vec<_> = change.add.iter().map(kind).collect();
-                        recording.changed(&change.remove, &added).map_err(|error| error.to_string())?;
+                        recording.changed(&change.remove, &added, log).map_err(|error| error.to_string())?;
                     }
                     Ok(Some(granular.properties()))
                 }
@@ -329,7 +329,7 @@ impl Simulation {
     // Taken from a list, by value.
     #[allow(clippy::needless_pass_by_value)]
     fn set(&self, py: Python<'_>, overrides: Vec<String>) -> PyResult<()> {
-        let done = self.read(py, |Moving { simulation, log, changed, .. }| {
+        let done = self.read(py, |Moving { simulation, log, recording, changed, .. }| {
             let AnySimulation::Granular(granular) = simulation else {
                 let why = "keys cannot change: the scene has pendulums, springs, rods or sticking contacts";
                 return Err(Refused::Other(why));
@@ -338,11 +338,15 @@ impl Simulation {
             let (next, changes) =
                 keys::change(granular, &described, &self.name, &overrides, &self.files, log)?;
             (*described, *changed) = (next, *changed | changes);
-            Ok(())
+            match recording {
+                Some(recording) => recording.take_log(log).map_err(Refused::Record),
+                None => Ok(()),
+            }
         })?;
         done.map_err(|refused| match refused {
             Refused::Scene(errors) => errors::scene(py, &errors, false),
             Refused::Engine(error) => PyValueError::new_err(error.to_string()),
+            Refused::Record(error) => errors::record(&error),
             Refused::Other(why) => PyValueError::new_err(why),
         })
     }

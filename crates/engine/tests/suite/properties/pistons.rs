@@ -107,6 +107,7 @@ fn check(recipe: &Recipe) -> Result<Option<u64>, TestCaseError> {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn random_pistons_are_in_balance_and_independent_of_search() {
     let counts = std::cell::Cell::new([0, 0]);
     check_each(4, 3, |recipe| {
