@@ -106,7 +106,7 @@ def _mp4(pictures: Iterator[np.ndarray], path: Path, fps: float) -> str | None:
                     writer = ffmpeg.write_frames(str(path), size, **options)
                     writer.send(None)
                 writer.send(picture)
-            except OSError:
+            except (OSError, IndexError):  # the latter where it does not list its encoders
                 break
     finally:
         if writer is not None:
