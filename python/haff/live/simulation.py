@@ -29,7 +29,7 @@ __all__ = ["Simulation"]
 
 Callback: TypeAlias = "Callable[[Simulation], object]"
 _NEVER = 2**64 - 1
-_MOST_ROOM = 10**9
+_MOST_ROOM = 10**6
 _MOST = 2**62
 """Largest number of collisions that a caller may give."""
 
