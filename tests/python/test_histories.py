@@ -5,6 +5,7 @@ import pytest
 
 import haff
 from haff import analysis
+from haff.analysis import scattering
 
 
 def test_history_has_a_row_for_each_frame(files):
@@ -38,8 +39,27 @@ def test_structure_history_has_the_peak_and_the_length_of_each_frame(files):
         table = analysis.structure_history(run.frames[:3], 3.0, 12)
         for (_, row), frame in zip(table.iterrows(), run.frames[:3]):
             found = analysis.static_structure(frame, 3.0, 12)
-            assert row["peak"] == found.value.max() and row["peak_k"] == found.k[found.value.argmax()]
-            assert row["length"] == pytest.approx(2 * np.pi * found.value.sum() / (found.k @ found.value), rel=1e-14)
+            at = found.value.argmax()
+            assert [row["peak"], row["peak_k"]] == pytest.approx([found.value[at], found.k[at]], rel=1e-12)
+            assert row["peak_error"] == pytest.approx(found.error[at], rel=1e-9)
+
+
+def test_the_length_of_waves_does_not_depend_on_the_shells(files):
+    with haff.open(files["disks"]) as run:
+        frame = run.frames[-1]
+        lengths = [lengths_of(frame, bins, 10_000) for bins in (5, 10, 20, 40, 80)]
+        # By all waves: ∫ k S dk / ∫ S dk in two dimensions, where a wave of each pair k, −k counts as 1/k.
+        index = scattering.lattice(frame.box, 3.0)
+        k = np.linalg.norm(scattering.vectors(frame.box, index), axis=1)
+        value = scattering.intensities(frame.box, frame.position, index)
+        expected = 2 * np.pi * np.sum(value / k) / np.sum(value)
+        assert lengths == pytest.approx([expected] * 5, rel=1e-6)
+        # With samples of shells it is an estimate.
+        assert lengths_of(frame, 5, 60) == pytest.approx(expected, rel=0.1)
+
+
+def lengths_of(frame, bins, most_waves):
+    return analysis.structure_history([frame], 3.0, bins, most_waves=most_waves)["length"][0]
 
 
 MEANS = {

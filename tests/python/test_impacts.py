@@ -6,6 +6,7 @@ import pytest
 import haff
 from conftest import CONFIGS
 from haff import analysis
+from haff.analysis.experiment import body_name
 from haff.command.main import main
 
 TEXTBOOK = sorted(path.stem for path in (CONFIGS / "textbook").glob("*.toml"))
@@ -76,3 +77,43 @@ def test_what_has_no_table_says_why(files, tmp_path):
     )
     with heated, pytest.raises(haff.NotApplicableError, match="the kicks of drives"):
         analysis.impacts(heated)
+
+
+def test_spins_are_those_of_the_next_frames(tmp_path):
+    """Rough disks of two sizes in a box with rough walls, and a rough ball on a floor."""
+    places = [[1.0, 1.0], [2.6, 1.2], [4.1, 3.0], [1.2, 3.4], [3.0, 4.4]]
+    ball = {"velocity": [1.0, 0.7], "mass": 1.0, "angular_velocity": [0.5]}
+    scene = {
+        "schema": 1,
+        "dimension": 2,
+        "domain": {"size": [5.0, 5.0], "boundary": ["wall", "wall"]},
+        "particle": [{**ball, "position": at, "radius": 0.3 + 0.05 * k} for k, at in enumerate(places)],
+        "contact": {"restitution": 0.9, "tangential_restitution": 0.4},
+        "run": {"until": 20.0},
+        "output": {"events": True, "frames": 1.0},
+    }
+    for case in (scene, CONFIGS / "bouncing_superball.toml"):
+        with haff.run(case, file=tmp_path / "run.h5", output__events=True, overwrite=True) as run:
+            table, frames, dimension = analysis.impacts(run), run.file.frames, run.file.dimension
+            names = [f"first_spin_after{axis}" for axis in ([""] if dimension == 2 else ["_x", "_y", "_z"])]
+            checked = 0
+            for frame in frames:
+                if np.min(np.abs(table["time"] - frame.time)) < 1e-9:
+                    continue  # before or after the impact, by rounding
+                past = table[table["time"] < frame.time]
+                for body in range(len(frame.radius)):
+                    name = body_name(run.file, body)
+                    mine = past[(past["first"] == name) | (past["second"] == name)]
+                    if len(mine):
+                        row = mine.iloc[-1]
+                        side = "first" if row["first"] == name else "second"
+                        found = [row[column.replace("first", side)] for column in names]
+                        expected = frame.angular_velocity[body][-len(names) :]
+                        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
+                        checked += 1
+        assert checked > 10
+        # The slip is multiplied by −β, of the whole relative velocity of the surfaces.
+        beta = 0.4 if case is scene else 1.0
+        assert table["slip_after"].to_numpy() == pytest.approx(
+            beta * table["slip_before"].to_numpy(), rel=1e-9, abs=1e-12
+        )

@@ -117,6 +117,33 @@ def test_a_function_can_stop_the_run_and_change_the_state():
         gas.every_collisions(0, thermostat)
 
 
+def test_functions_are_called_where_nothing_moves():
+    floor = {"boundary": ["periodic", "periodic", "wall"], "size": [4.0, 4.0, 20.0], "gravity": [0.0, 0.0, -1.0]}
+    at_rest = {
+        "schema": 1,
+        "domain": floor,
+        "particle": [{"position": [x, x, 0.3], "radius": 0.3, "mass": 1.0} for x in (1.0, 3.0)],
+        "contact": {"restitution": 0.5, "rest_speed": 0.05},
+        "run": {"until": 10.0},
+    }
+    heap = haff.Simulation(at_rest)
+    assert heap.advance(5.0) == "rest"
+    times = []
+
+    def drop(simulation):
+        times.append(simulation.time)
+        simulation.add([2.0, 2.0, 10.0 + len(simulation)])
+
+    heap.every(2.0, drop)
+    start = heap.time
+    assert heap.advance(7.0) == "until" and heap.time == 7.0
+    assert times == [2.0 * k for k in range(1, 4) if 2.0 * k > start] and len(heap) == 2 + len(times)
+    # Without a bound of time it would wait for ever.
+    still = haff.Simulation(at_rest)
+    still.every(1.0, lambda simulation: None)
+    assert still.advance(np.inf, collisions=10) == "rest"
+
+
 def test_a_changed_run_is_reproducible():
     def run(threads):
         gas = haff.Simulation(GAS, threads=threads)

@@ -117,6 +117,7 @@ def test_one_particle_alone_has_no_records_by_collisions():
         ("cooling", {"species__0__count": 2000, "run__until": 2000.0, "output__events": True}),
         ("cooling", {"species__0__count": 2000, "run__until": 1e6, "run__collisions": 20000, "output__events": True}),
         ("fluid", {"run__until": 100.0}),
+        ("mixture", {"run__until": 400.0, "measure__msd": True, "measure__vacf": True, "measure__interval": 0.1}),
         ("disks", {}),
         ("hot_wall", {}),
         ("added_speed", {}),

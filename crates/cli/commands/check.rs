@@ -115,6 +115,7 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
     let samples = if shared { samples } else { samples + frames };
     let by_rate = !scene.output.events.is_empty() || scene.run.until.is_none();
     let guessed = collisions.guessed && by_rate;
+    let kept = estimate::correlations(&system.measure, all, until);
     let size = scene.output.file.as_ref().map(|_| {
         haff_record::estimate_file_size(&FileSize {
             particles: all as u64,
@@ -127,10 +128,11 @@ pub fn check(options: &Check, verbose: bool) -> Result<u8, Failure> {
             spin: system.spin.is_some(),
             pistons: system.piston_count(),
             measured: estimate::measured(system, samples),
+            kept,
             profiles: &estimate::profiles(&system.measure, until),
         })
     });
-    let memory = estimate::memory(all) + estimate::correlations(&system.measure, all);
+    let memory = estimate::memory(all) + kept;
     let warnings = warnings(&scene);
     let deformation = deformation(&scene);
     let tie = first_tie(&scene);

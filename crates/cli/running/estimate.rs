@@ -65,9 +65,11 @@ pub fn profiles(measure: &Measure, until: f64) -> Vec<(u64, &Grid)> {
     measure.profiles.iter().map(|grid| (rows(grid), grid)).collect()
 }
 
-/// Memory for earlier states of correlations \[bytes\]: sixteen at each of about ten levels.
-pub fn correlations(measure: &Measure, particles: usize) -> u64 {
-    let Correlations { msd, vacf, tracers, .. } = &measure.correlations;
+/// Memory for earlier states of correlations \[bytes\]: sixteen at each level, at twice the distance.
+pub fn correlations(measure: &Measure, particles: usize, until: f64) -> u64 {
+    let Correlations { msd, vacf, tracers, interval, .. } = &measure.correlations;
     let followed = |followed: &Followed| particles.min(tracers * followed.curves()) as u64;
-    (followed(msd) + followed(vacf)) * 10 * 16 * 24
+    let levels = (until / interval / 16.0).max(0.5).log2() + 2.0;
+    let levels = if until.is_finite() { levels } else { 10.0 };
+    (followed(msd) + followed(vacf)) * (levels * 16.0 * 24.0) as u64
 }

@@ -111,6 +111,14 @@ impl AnySimulation {
         Ok(either!(self, simulation => simulation.advance(until, observer)?))
     }
 
+    /// Whether time passes where nothing moves, because the caller will change the state. With joints it
+    /// always does, up to a bound of time.
+    pub fn wait(&mut self, waits: bool) {
+        if let Self::Granular(simulation) = self {
+            simulation.wait(waits);
+        }
+    }
+
     /// Warnings for the scene that is simulated, see [`warnings`].
     pub fn warnings(&self) -> Vec<String> {
         match self {

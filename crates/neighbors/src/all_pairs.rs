@@ -46,6 +46,8 @@ impl AllPairs {
 }
 
 impl Search for AllPairs {
+    const IS_ALL_PAIRS: bool = true;
+
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self {
         let lengths = geometry.lengths();
         let periodic = geometry.axes.map(|axis| axis == Axis::Periodic);

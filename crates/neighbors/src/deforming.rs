@@ -341,6 +341,8 @@ impl DeformingPairs {
 }
 
 impl Search for DeformingPairs {
+    const IS_ALL_PAIRS: bool = true;
+
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self {
         let lengths = geometry.lengths();
         let deforming = geometry.deforming.unwrap_or(STILL);

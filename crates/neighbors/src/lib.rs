@@ -61,6 +61,9 @@ pub struct Crossing {
 
 /// The search for partners; see the [crate documentation](self).
 pub trait Search: Sync + Send + Sized {
+    /// Whether all pairs are searched, which is for very few particles.
+    const IS_ALL_PAIRS: bool = false;
+
     /// Assigns cells to all particles. `positions` are the present ones, in anchor coordinates.
     fn new(geometry: &Geometry, positions: &[DVec3]) -> Self;
 

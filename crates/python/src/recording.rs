@@ -59,6 +59,19 @@ impl From<RecordError> for Ended {
     }
 }
 
+/// Runs events up to the first of the bounds, with or without an output file.
+pub fn advance(
+    recording: Option<&mut Recording>,
+    simulation: &mut AnySimulation,
+    bounds: Until,
+    log: &mut Log,
+) -> Result<Stop, Ended> {
+    match recording {
+        Some(recording) => recording.advance(simulation, bounds, log),
+        None => simulation.advance(bounds, log).map_err(Ended::Simulation),
+    }
+}
+
 impl Recording {
     /// Creates the file of a simulation, with `room` for more particles.
     pub fn create(
@@ -216,11 +229,12 @@ impl Recording {
 
     /// Particles have been removed, by their indices, and others added.
     pub fn changed(&mut self, removed: &[u32], added: &[Kind], log: &mut Log) -> Result<(), RecordError> {
-        let mut index = 0;
-        self.rows.retain(|_| {
-            index += 1;
-            !removed.contains(&(index - 1))
-        });
+        let mut stays = vec![true; self.rows.len()];
+        for &i in removed {
+            stays[i as usize] = false;
+        }
+        let mut stays = stays.into_iter();
+        self.rows.retain(|_| stays.next() == Some(true));
         let mut entered = Vec::with_capacity(added.len());
         for &(radius, mass, species) in added {
             let inertia = self.inertia.as_ref().and_then(|inertia| inertia.get(species as usize).copied());

@@ -17,7 +17,7 @@ use crate::{
     errors, events,
     keys::{self, Described, Refused},
     measured, observables,
-    recording::{Ended, Recording, Texts},
+    recording::{self, Recording, Texts},
     scenes::{Files, Source},
     threads::Threads,
 };
@@ -213,14 +213,14 @@ impl Simulation {
         })
     }
 
-    /// Runs events up to a time or a total of collisions; returns the bound that ended it.
-    fn advance(&self, py: Python<'_>, until: f64, collisions: u64) -> PyResult<&'static str> {
+    /// Runs events up to a bound; returns which one ended it. `waits`: time passes also where nothing moves.
+    fn advance(&self, py: Python<'_>, until: f64, collisions: u64, waits: bool) -> PyResult<&'static str> {
+        let bounds = Until { time: until, collisions, entries: SLICE };
         loop {
-            let bounds = Until { time: until, collisions, entries: SLICE };
             let stop = self
-                .read(py, |Moving { simulation, log, recording, .. }| match recording {
-                    Some(recording) => recording.advance(simulation, bounds, log),
-                    None => simulation.advance(bounds, log).map_err(Ended::Simulation),
+                .read(py, |Moving { simulation, log, recording, .. }| {
+                    simulation.wait(waits);
+                    recording::advance(recording.as_mut(), simulation, bounds, log)
                 })?
                 .map_err(|ended| errors::ended(py, &ended, &self.name))?;
             match stop {

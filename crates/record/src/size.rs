@@ -33,6 +33,8 @@ pub struct FileSize<'a> {
     pub compressed: bool,
     /// Numbers that measurements add to rows of observables.
     pub measured: u64,
+    /// What measurements keep for a resumed run \[bytes\].
+    pub kept: u64,
     /// Profiles, with their numbers of rows.
     pub profiles: &'a [(u64, &'a Grid)],
 }
@@ -69,7 +71,7 @@ pub fn estimate_file_size(size: &FileSize) -> u64 {
     let recorded = !size.columns.is_empty();
     let slot =
         SLOT.names + if recorded { SLOT.tail + if spin { SLOT.tail_tangential } else { 0 } } else { 0 };
-    let fixed = GROUPS + 2 * slot;
+    let fixed = GROUPS + 2 * slot + 2 * size.kept;
     // id, species, mass, radius; two checkpoint slots of 76 bytes. With spin, inertia and 24 bytes more.
     let per_particle = 4 + 4 + 8 + 8 + 2 * 76 + if spin { 8 + 2 * 24 } else { 0 };
     let storage = frame_storage(particles as usize, size.compressed);

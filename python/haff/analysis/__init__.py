@@ -13,6 +13,7 @@ compared with have their conditions in :mod:`.conditions`.
 
 from .bonds import BondOrder, bond_order
 from .clustering import Clusters, clusters
+from .conduction import Conduction, heat_conduction
 from .cooling import CoolingLaw, HeatedState, cooling_law, gas_restitution, heated_state
 from .density import DensityField, density_field
 from .distributions import PairDistributions, pair_distributions
@@ -42,6 +43,7 @@ from .velocities import scaled_velocities, sonine_a2, velocity_histogram
 __all__ = [
     "BondOrder",
     "Clusters",
+    "Conduction",
     "ContactNetwork",
     "CoolingLaw",
     "DensityField",
@@ -71,6 +73,7 @@ __all__ = [
     "density_field",
     "drawn_frames",
     "gas_restitution",
+    "heat_conduction",
     "heated_state",
     "height_axis",
     "height_profile",

@@ -10,9 +10,9 @@ import numpy as np
 from ..common.arguments import count, positive
 from ..errors import ArgumentError, NotApplicableError
 from ..text import quoted
+from . import scattering
 from .checked import checked
 from .clustering import clusters
-from .scattering import static_structure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,18 +96,13 @@ def cluster_history(frames: Iterable[Frame], distance: float = 1.1) -> pd.DataFr
 
 @checked
 def structure_history(frames: Iterable[Frame], k_max: float, bins: int, **options: Any) -> pd.DataFrame:
-    """The static structure factor against time: ``time``, ``peak``, ``peak_k`` and ``length``.
+    """The static structure factor against time: ``time``, ``peak``, ``peak_error``, ``peak_k`` and ``length``.
 
-    ``peak`` is the largest S(k) up to ``k_max``, ``peak_k`` where it is [1/length], and ``length`` 2π/⟨k⟩ with the mean
-    wave number ⟨k⟩ = Σ k S/Σ S [length]: of a gas that clusters, with ``k_max`` below the wave number of neighbors,
-    about π/σ, it is the size of clusters. ``options`` and errors are those of :func:`static_structure`.
+    ``peak`` is the largest S(k) of a shell up to ``k_max``, with its standard error, and ``peak_k`` where it is
+    [1/length]. It depends on the width of the shells where these have few waves. ``length`` is 2π/⟨k⟩ with the mean
+    wave number ⟨k⟩ = ∫ k S dk/∫ S dk up to ``k_max`` [length], a sum over the waves of the box, which does not depend
+    on the shells: of a gas that clusters it grows with the clusters. It depends on ``k_max``, which is to be below the
+    wave number of neighbors, about π/σ. ``options`` and errors are those of :func:`static_structure`.
     """
     k_max, bins = positive("k_max", k_max), count("bins", bins)
-
-    def peak(frame: Frame) -> dict[str, float]:
-        found = static_structure([frame], k_max, bins, **options)
-        at = int(np.argmax(found.value))
-        mean = float(np.average(found.k, weights=found.value))
-        return {"peak": float(found.value[at]), "peak_k": float(found.k[at]), "length": 2 * np.pi / mean}
-
-    return history(frames, peak)
+    return history(frames, scattering.peak, k_max=k_max, bins=bins, **options)

@@ -45,6 +45,11 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
         what is missing in Carnot's theorem ΔT = E_c (1 − e)/(1 + e), in units of the energy before the impact along
         the normal, 0 to rounding.
 
+        In a scene with spin also ``first_spin_before`` …, ``second_spin_after``: angular velocities [1/time], in three
+        dimensions with ``_x``, ``_y`` and ``_z``; ``slip_before``, ``slip_after``: the speed at which the surfaces
+        slide on each other at the contact [length/time]; and ``tangential_impulse`` [mass·length/time]. Spins follow as
+        velocities do.
+
         Velocities follow from the last frame before the impact, free flight, and the impulses of the log since: they
         are NaN for bodies at springs and rods, after a body came to rest on a wall, and for walls that move.
 
@@ -89,13 +94,17 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
         signs = (-1, 1)
         mass = 1 / sum(bodies.inverse_mass(body, event.time, sign * n) for body, sign in zip(pair, signs))
         before = [bodies.velocity(body, event.time) for body in pair]
+        spins = [bodies.spin(body, event.time) for body in pair]
         for body, sign in zip(pair, signs):
             bodies.push(body, event.time, sign * impulse)
+            bodies.turn(body, event.time, n, impulse)
         after = [bodies.velocity(body, event.time) for body in pair]
+        turned = [bodies.spin(body, event.time) for body in pair]
         if not of_pair:
             # The velocity of a wall that moves is not in the log.
             still = np.zeros(3) if driven(run, j) in ("", "is thermal") else np.full(3, np.nan)
             before, after = [*before, still], [*after, still]
+            spins, turned = [*spins, np.zeros(3)], [*turned, np.zeros(3)]
         with np.errstate(invalid="ignore", divide="ignore"):
             # The rod of a body takes part in its impact.
             e = np.nan if bodies.on_rods & set(pair) else float(event.impulse / (mass * event.approach_speed) - 1)
@@ -122,10 +131,36 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
             "carnot_energy": event.carnot_energy,
             "carnot_check": check,
         }
+        if run.inertia is not None:
+            radii = [*run.radius[pair], 0.0][:2]
+            row |= _spins(run.dimension, "before", spins) | _spins(run.dimension, "after", turned)
+            row["slip_before"] = _slip(before, spins, radii, n)
+            row["slip_after"] = _slip(after, turned, radii, n)
+            row["tangential_impulse"] = float(np.linalg.norm(impulse - (impulse @ n) * n))
         rows.append(row)
     if not rows:
         raise NotApplicableError(f"{run.path}: there are no impacts")
     return pd.DataFrame(rows)
+
+
+def _spins(dimension: int, when: str, spins: list[Array]) -> dict[str, float]:
+    """Columns of the angular velocities; disks turn about the third axis."""
+    names = ("first", "second")
+    if dimension == 2:
+        return {f"{who}_spin_{when}": float(spin[2]) for who, spin in zip(names, spins)}
+    return {
+        f"{who}_spin_{when}_{axis}": float(spin[a])
+        for who, spin in zip(names, spins)
+        for a, axis in enumerate(AXES[:dimension])
+    }
+
+
+def _slip(velocities: list[Array], spins: list[Array], radii: list[float], n: Array) -> float:
+    """Speed along the contact of the first surface relative to the second, with n from the first body to it."""
+    first = velocities[0] + np.cross(spins[0], radii[0] * n)
+    second = velocities[1] - np.cross(spins[1], radii[1] * n)
+    relative = first - second
+    return float(np.linalg.norm(relative - (relative @ n) * n))
 
 
 def _angle(velocity: Array, n: Array) -> float:
@@ -155,6 +190,10 @@ class _Bodies:
         self.slack: set[int] = set()
         # Of each body: time, position and velocity at its last frame or event.
         self.state: dict[int, tuple[float, Array, Array]] = {}
+        # And time and angular velocity.
+        self.spins: dict[int, tuple[float, Array]] = {}
+        turns_slower = any(drive.get("rotational") for drive in run.scene.get("drive", ()))
+        self.has_spin = run.inertia is not None and not turns_slower
 
     def _at(self, body: int, time: float) -> tuple[Array, Array]:
         """Position and velocity of a body before what happens at a time."""
@@ -179,6 +218,24 @@ class _Bodies:
     def velocity(self, body: int, time: float) -> Array:
         """Velocity ``[3]`` of a body after what has been pushed so far."""
         return self._at(body, time)[1]
+
+    def spin(self, body: int, time: float) -> Array:
+        """Angular velocity ``[3]`` of a body after what has been pushed so far; NaN where it is not known."""
+        if not self.has_spin:
+            return np.full(3, np.nan)
+        frame = int(np.searchsorted(self.time, time)) - 1
+        start, w = self.spins.get(body, (-np.inf, np.zeros(3)))
+        if (frame >= 0 and self.time[frame] >= start) or start == -np.inf:
+            w = self.frames[max(frame, 0)].angular_velocity[body].astype(float)
+        return w
+
+    def turn(self, body: int, time: float, n: Array, impulse: Array) -> None:
+        """Gives a body the spin of an impulse on its surface; n and the impulse are the same for both bodies."""
+        if self.has_spin:
+            radius, mass = self.run.radius[body], self.run.mass[body]
+            moment = self.run.inertia[body] * mass * radius**2
+            change = radius / moment * np.cross(n, impulse) if moment > 0 else np.zeros(3)
+            self.spins[body] = (time, self.spin(body, time) - change)
 
     def set_slack(self, body: int, slack: bool) -> None:
         """Notes that the string of a body is slack from now on, or taut."""
@@ -212,6 +269,7 @@ class _Bodies:
         """The velocity of a body is unknown from a time on, up to the next frame."""
         r, _ = self._at(body, time)
         self.state[body] = (time, r, np.full(3, np.nan))
+        self.spins[body] = (time, np.full(3, np.nan))
 
 
 def _swung(r: Array, v: Array, pivot: Array, length: float, g: Array, dt: float) -> tuple[Array, Array]:

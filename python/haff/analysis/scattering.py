@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..files.box import Box
     from ..files.frames import Frame
 
-__all__ = ["StaticStructure", "intensities", "lattice", "static_structure", "vectors"]
+__all__ = ["Peak", "StaticStructure", "intensities", "lattice", "peak", "static_structure", "vectors"]
 
 MOST_LISTED = 100_000
 """Wave vectors that are listed one by one; in shells beyond them a sample is drawn."""
@@ -87,19 +87,9 @@ def static_structure(
     sums, squares, numbers, lengths = (np.zeros(bins) for _ in range(4))
     waves, used = np.zeros(bins, np.int64), 0
     for frame in frames:
-        box = frame.box
-        if not box.fully_periodic:
-            raise NotApplicableError("S(k) needs a periodic box")
-        if used == 0 or box.displacement is not None:
-            with computing(frame.file.path, "S(k)"):
-                index = _sample(box, edges, most_waves, np.random.default_rng(seed))
-        if len(index) == 0:
-            longest = 2 * np.pi / box.size[: box.dimension].max()
-            raise NotApplicableError(f"S(k) needs k_max above that of the longest wave, {longest:g}")
-        length = np.linalg.norm(vectors(box, index), axis=1)
-        shell = _shell(length, edges)
-        with computing(frame.file.path, "S(k)"):
-            value = _partial(frame, index, species)
+        if used == 0 or frame.box.displacement is not None:
+            index = _index(frame, edges, most_waves, seed)
+        length, shell, value = _values(frame, index, edges, species)
         waves = np.bincount(shell, minlength=bins)
         numbers += waves
         lengths += np.bincount(shell, length, bins)
@@ -114,6 +104,72 @@ def static_structure(
         error = np.sqrt(np.maximum(squares[known] / n - mean**2, 0.0) / (n - 1))
     error[n < 2] = np.nan
     return StaticStructure(lengths[known] / n, mean, error, waves[known])
+
+
+class Peak(NamedTuple):
+    """The long waves of one frame."""
+
+    peak: float
+    """The largest S(k) of a shell."""
+    peak_error: float
+    """Its standard error, with the waves of the shell taken as independent; NaN for a single one."""
+    peak_k: float
+    """Mean wave number of that shell [1/length]."""
+    length: float
+    """2π/⟨k⟩ with ⟨k⟩ = ∫ k S dk / ∫ S dk [length]."""
+
+
+def peak(
+    frame: Frame,
+    k_max: float,
+    bins: int,
+    *,
+    most_waves: int = 200,
+    seed: int = 0,
+    species: Species | tuple[Species, Species] | None = None,
+) -> Peak:
+    """The largest S(k), and the length of the waves up to ``k_max``, of one frame; see :func:`static_structure`.
+
+    The integrals of the length are sums over waves. Each stands for the same volume of reciprocal space, so that it
+    counts as 1/k^(d−1), and more in a shell of which a sample is taken. So the length does not depend on the shells.
+    """
+    edges = np.linspace(0.0, k_max, bins + 1)
+    box, d = frame.box, frame.box.dimension
+    k, shell, value = _values(frame, _index(frame, edges, most_waves, seed), edges, species)
+    number = np.bincount(shell, minlength=bins)
+    # Waves of all shells, of each k and −k one.
+    expected = 0.5 * box.volume * np.diff((edges / (2 * np.pi)) ** d) * (4 / 3 * np.pi if d == 3 else np.pi)
+    share = np.where(number < most_waves, 1.0, np.maximum(expected / np.maximum(number, 1), 1.0))
+    weight = share[shell] * value / k ** (d - 1)
+    known = np.flatnonzero(number)
+    mean = np.bincount(shell, value)[known] / number[known]
+    at = int(np.argmax(mean))
+    inside = shell == known[at]
+    error = np.std(value[inside], ddof=1) / np.sqrt(inside.sum()) if inside.sum() > 1 else np.nan
+    mean_k = float(k @ weight / weight.sum())
+    return Peak(float(mean[at]), float(error), float(np.mean(k[inside])), 2 * np.pi / mean_k)
+
+
+def _index(frame: Frame, edges: Array, most_waves: int, seed: int) -> Array:
+    """Whole numbers of the waves of a frame, up to so many in each shell."""
+    box = frame.box
+    if not box.fully_periodic:
+        raise NotApplicableError("S(k) needs a periodic box")
+    with computing(frame.file.path, "S(k)"):
+        index = _sample(box, edges, most_waves, np.random.default_rng(seed))
+    if len(index) == 0:
+        longest = 2 * np.pi / box.size[: box.dimension].max()
+        raise NotApplicableError(f"S(k) needs k_max above that of the longest wave, {longest:g}")
+    return index
+
+
+def _values(
+    frame: Frame, index: Array, edges: Array, species: Species | tuple[Species, Species] | None
+) -> tuple[Array, NDArray[np.intp], Array]:
+    """Wave numbers, shells and structure factors of waves."""
+    length = np.linalg.norm(vectors(frame.box, index), axis=1)
+    with computing(frame.file.path, "S(k)"):
+        return length, _shell(length, edges), _partial(frame, index, species)
 
 
 def vectors(box: Box, index: Array) -> Array:

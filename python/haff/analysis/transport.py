@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from ..files.recording import Recording
 
 
+RELAXED = 5.0
+"""A window of diffusion starts after so many times of the memory of velocities, where e⁻⁵ of it is left."""
+
+
 class Transport(NamedTuple):
     """A coefficient of transport by both ways, from lags in a window."""
 
@@ -46,11 +50,13 @@ def self_diffusion(
     """D [length²/time] of ``measure.msd`` and ``measure.vacf``: slope/2d of ⟨|Δr|²⟩, and ∫⟨v(t)·v(0)⟩dt/d.
 
     ``start``, ``end``: the window of lags [time]; default 20 and 80 mean free times, after the fast relaxation and
-    most of the flow that a particle drags along.
+    most of the flow that a particle drags along, and not before five times the time in which the particles forget their
+    velocity, D d/⟨v²⟩: of a heavy intruder it is longer by the ratio of masses.
 
-    Raises :class:`NotApplicableError` unless the conditions of :data:`.conditions.DIFFUSION` hold: a periodic box,
-    since walls bound displacements; a steady temperature and the same scene all the time, since correlations are means
-    over the whole run; and a center of mass that does not move on.
+    Raises :class:`NotApplicableError` where lags do not reach twice that time, and unless the conditions of
+    :data:`.conditions.DIFFUSION` hold: a periodic box, since walls bound displacements; a steady temperature and the
+    same scene all the time, since correlations are means over the whole run; and a center of mass that does not move
+    on.
 
     ``species``: where ``measure.msd`` has curves of species, which of them; it can be left out if there is one. With
     ``measure.msd = true`` it is the mean over the particles of all species.
@@ -70,6 +76,8 @@ def self_diffusion(
         same = list(found["vacf"].get("species", ())) == list(found["msd"].get("species", ()))
         vacf = _curve(file, "vacf", found["vacf"], species) if same else None
     window = _window(file, msd, (start, end), (20.0, 80.0))
+    if start is None:
+        window = _relaxed(file, msd, window, end)
     axes = d if file.shear is None else d - 1
     return _transport(msd, vacf, window, 1 / axes, 1 / d)
 
@@ -214,6 +222,46 @@ def _window(
     return start, end
 
 
+def _relaxed(
+    file: Recording, msd: Mapping[str, Array], window: tuple[float, float], end: float | None
+) -> tuple[float, float]:
+    """The window, or a later one if velocities are still correlated in it: there the slope is too small."""
+    lag, value, error = (msd[name] for name in ("lag", "value", "error"))
+    first = np.flatnonzero(lag > 0)[0]
+    longest = lag[np.isfinite(error)][-1]
+    while True:
+        start, last = window
+        memory = _memory(lag[first], value[first] / _slope(msd, window))
+        if start >= RELAXED * memory:
+            return window
+        start = RELAXED * memory * (1 + 1e-9)
+        if start > longest / 2 or (end is not None and start > end / 2):
+            raise NotApplicableError(
+                f"{file.path}: lags up to {longest if end is None else end:g} are too short for particles that keep "
+                f"their velocity for a time of {memory:.3g} or more: longer lags (measure.msd of the scene), or start=…"
+            )
+        window = start, min(max(last, 4 * start), longest) if end is None else end
+
+
+def _memory(lag: float, delayed: float) -> float:
+    """τ of an exponential memory from a mean square over its final slope at one lag: t − τ (1 − exp(−t/τ))."""
+    from scipy.optimize import brentq
+
+    def excess(memory: float) -> float:
+        return lag + memory * float(np.expm1(-lag / memory)) - delayed
+
+    shortest, longest = 1e-3 * lag, 1e6 * lag
+    if excess(shortest) <= 0:
+        return 0.0
+    return float(brentq(excess, shortest, longest, xtol=1e-9 * lag)) if excess(longest) < 0 else longest
+
+
+def _slope(curve: Mapping[str, Array], window: tuple[float, float]) -> float:
+    lag, value, error = (curve[name] for name in ("lag", "value", "error"))
+    inside = (lag >= window[0]) & (lag <= window[1]) & (error > 0)
+    return float(np.polyfit(lag[inside], value[inside], 1, w=1 / error[inside])[0])
+
+
 def _transport(
     mean_square: Mapping[str, Array],
     product: Mapping[str, Array] | None,
@@ -223,9 +271,9 @@ def _transport(
 ) -> Transport:
     """``scale`` is the factor of half the slope, ``product_scale`` that of the integral."""
     start, end = window
-    lag, value, error = (mean_square[name] for name in ("lag", "value", "error"))
+    lag, error = mean_square["lag"], mean_square["error"]
     inside = (lag >= start) & (lag <= end) & (error > 0)
-    slope = np.polyfit(lag[inside], value[inside], 1, w=1 / error[inside])[0]
+    slope = _slope(mean_square, window)
     slope_error = error[inside][-1] / (end - start)
     integral, integral_error = np.nan, np.nan
     if product is not None:

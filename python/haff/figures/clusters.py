@@ -10,9 +10,9 @@ from matplotlib.ticker import MaxNLocator
 
 from .. import analysis
 from ..errors import NotApplicableError
-from .facts import facts, is_geometric
+from .facts import facts, is_geometric, spans
 from .of_a_frame import chosen as of_index
-from .style import BLUE, RED, headline, note
+from .style import BLUE, GREEN, RED, headline, note
 
 if TYPE_CHECKING:
     from ..files.recording import Recording
@@ -26,7 +26,7 @@ FEWEST = 30
 
 
 def draw(file: Recording, index: int | None = None) -> Figure:
-    """Share of the largest cluster and clusters per particle against time, and sizes in the last frame.
+    """Sizes of clusters against time: the largest and two means; and the distribution in the last frame.
 
     Or in the frame of an index, and then without the time. Where the times of frames grow by a factor, so does their
     axis.
@@ -48,13 +48,22 @@ def draw(file: Recording, index: int | None = None) -> Figure:
     panels = np.atleast_1d(figure.subplots(2 if several else 1, 1))
     if several:
         top = panels[0]
-        top.plot(time, [one.largest / len(file) for one in found], color=BLUE, marker="o", label="largest cluster / N")
-        top.plot(time, [len(one.sizes) / len(file) for one in found], color=RED, marker="o", label="clusters / N")
-        top.set_ylim(0, 1.05)
+        squares = [float(one.sizes.astype(float) @ one.sizes / one.sizes.sum()) for one in found]
+        means = [float(np.mean(one.sizes)) for one in found]
+        for color, values, name in (
+            (BLUE, [float(one.largest) for one in found], "the largest"),
+            (GREEN, squares, r"that of a particle, $\Sigma n^2/N$"),
+            (RED, means, "mean of all"),
+        ):
+            top.plot(time, values, color=color, marker="o", ms=4, label=name)
+        if spans([*means, *(one.largest for one in found)]):
+            top.set_yscale("log")
+        else:
+            top.set_ylim(bottom=0)
         if is_geometric(time):
             top.set_xscale("log")
         top.set_xlabel("simulated time $t$  [scene’s unit of time]")
-        top.set_ylabel("fraction")
+        top.set_ylabel("particles in a cluster")
         top.legend(loc="best")
     sizes, counts = np.unique(found[-1].sizes, return_counts=True)
     below = panels[-1]

@@ -46,6 +46,13 @@ def is_geometric(time: Sequence[float] | np.ndarray) -> bool:
     return bool(np.std(steps) < 0.5 * np.mean(steps))
 
 
+def spans(values: Sequence[float] | np.ndarray, factor: float = 10.0) -> bool:
+    """Whether positive values span more than a factor, so that they need a logarithmic axis."""
+    known = np.asarray(values, float)
+    known = known[np.isfinite(known)]
+    return len(known) > 1 and known.min() > 0 and bool(known.max() > factor * known.min())
+
+
 def _restitutions(file: Recording) -> list[str]:
     """Restitution of the contacts that can happen: between particles, and with walls where it differs."""
 

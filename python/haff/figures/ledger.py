@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ..errors import NotApplicableError
 from ..files.samples import balance
 from .facts import sampled
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW, headline, label, number
+from .style import BLACK, BLUE, ENERGIES, GREEN, GREY, ORANGE, PURPLE, RED, YELLOW, headline, label, number
 
 if TYPE_CHECKING:
     from ..files.recording import Recording
@@ -46,18 +46,18 @@ def draw(file: Recording) -> Figure:
     if not scale > 0:
         raise NotApplicableError("there is no energy in this scene")
 
-    layers: list[tuple[str, str, np.ndarray]] = [("kinetic", BLUE, kinetic)]
+    layers: list[tuple[str, str, np.ndarray]] = [("kinetic", ENERGIES["kinetic"], kinetic)]
     if rotation.max() > 1e-12 * scale:
-        layers = [("translation", BLUE, kinetic), ("rotation", PURPLE, rotation)]
+        layers = [("translation", ENERGIES["kinetic"], kinetic), ("rotation", ENERGIES["rotational"], rotation)]
     pistons = table["piston_energy"] if "piston_energy" in table else np.zeros_like(t)
     if pistons.max() > 1e-12 * scale:
-        layers.append(("pistons", GREEN, pistons))
+        layers.append(("pistons", ENERGIES["pistons"], pistons))
     springs = table["spring_energy"] if "spring_energy" in table else np.zeros_like(t)
     gravity = potential - springs
     shift = min(0.0, float(gravity.min()))
     if np.abs(gravity).max() > 1e-12 * scale:
         name = "gravity" if springs.any() else "potential"
-        layers.append((name + (" (from its lowest)" if shift < 0 else ""), SKY, gravity - shift))
+        layers.append((name + (" (from its lowest)" if shift < 0 else ""), ENERGIES["potential"], gravity - shift))
     if springs.max() > 1e-12 * scale:
         layers.append(("springs", GREEN, springs))
     for name, color, values in _dissipated(file, t, lost, rest):
@@ -119,7 +119,7 @@ def _dissipated(
     file: Recording, t: np.ndarray, lost: np.ndarray, rest: np.ndarray
 ) -> list[tuple[str, str, np.ndarray]]:
     """Σ ΔT at the sample times, split into collisions and wall collisions if the event log allows it."""
-    whole = [("dissipated in collisions", RED, lost), ("taken in putting to rest", GREEN, rest)]
+    whole = [("dissipated in collisions", ENERGIES["dissipated"], lost), ("taken in putting to rest", GREEN, rest)]
     if "events" not in file or len(file.events) == 0:
         return whole
     events = file.events
@@ -144,7 +144,7 @@ def _dissipated(
     if np.any(np.abs(total - (lost + rest)) > close):
         return whole  # the log covers a part of the run only
     names = {
-        "collision": ("dissipated, sphere–sphere", RED),
+        "collision": ("dissipated, sphere–sphere", ENERGIES["dissipated"]),
         "wall": ("dissipated at walls", ORANGE),
         "rest": ("dissipated coming to rest", GREEN),
         "settle": ("dissipated settling", PURPLE),

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
-from .facts import facts
+from .facts import facts, is_geometric, spans
 from .of_a_frame import drawn
 from .structure import times
 from .style import BLUE, GREY, headline, note
@@ -28,7 +28,7 @@ LARGEST = 15.0
 
 
 def draw(file: Recording, index: int | None = None) -> Figure:
-    """S(k) up to k σ = 15, with two standard errors."""
+    """S(k) up to k σ = 15, with two standard errors: of several frames, or of the last one of a gas that changes."""
     d = file.dimension
     if not file.box.fully_periodic:
         raise NotApplicableError("S(k) needs a periodic box")
@@ -36,6 +36,8 @@ def draw(file: Recording, index: int | None = None) -> Figure:
         raise NotApplicableError(f"{len(file)} particles are too few for S(k)")
     sigma = float(np.mean(2 * file.radius))
     phases = MOST_PHASES / (len(file) * SHELLS)
+    if index is None and _changes(file):
+        index = -1
     frames = drawn(file, index, int(np.clip(phases / FEWEST_WAVES, 1, MOST_FRAMES)))
     if not frames:
         raise NotApplicableError("no frames")
@@ -68,3 +70,10 @@ def draw(file: Recording, index: int | None = None) -> Figure:
     figure.legend(loc="outside lower center", ncols=2)
     headline(figure, "Static structure factor", f"{facts(file)}  ·  {times(frames)}")
     return figure
+
+
+def _changes(file: Recording) -> bool:
+    """Whether a mean over frames is of different states: their times grow by a factor, or the gas cools or heats up."""
+    if is_geometric(file.frames.time):
+        return True
+    return "observables" in file and "temperature" in file.samples and spans(file.samples["temperature"])

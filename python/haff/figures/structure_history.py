@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from .. import analysis
 from ..errors import NotApplicableError
-from .facts import facts, is_geometric
+from .facts import facts, is_geometric, spans
 from .structure import times
 from .style import BLUE, RED, headline, note
 
@@ -44,9 +44,13 @@ def draw(file: Recording) -> Figure:
 
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     top, below = figure.subplots(2, 1, sharex=True)
-    top.plot(found["time"], found["peak"], color=BLUE, marker="o", ms=4)
+    top.errorbar(found["time"], found["peak"], found["peak_error"], color=BLUE, marker="o", ms=4, elinewidth=0.9)
     top.set_ylabel(r"largest $S(k)$")
-    top.set_ylim(bottom=0)
+    if spans(found["peak"]):
+        top.set_yscale("log", nonpositive="clip")
+        top.set_ylim(0.5 * found["peak"].min(), 2.5 * (found["peak"] + found["peak_error"].fillna(0)).max())
+    else:
+        top.set_ylim(bottom=0)
     below.plot(found["time"], found["length"] / sigma, color=RED, marker="o", ms=4)
     below.set_ylabel(r"length $2\pi/\langle k\rangle$  [mean diameters]")
     below.set_xlabel("simulated time $t$  [scene’s unit of time]")

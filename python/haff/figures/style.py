@@ -20,6 +20,8 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, YELLOW, BLACK = (
 )  # fmt: skip
 CYCLE = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, BLACK)
 GREY = "#8A8A8A"
+ENERGIES = {"kinetic": BLUE, "rotational": PURPLE, "pistons": GREEN, "potential": SKY, "dissipated": RED}
+"""Colors of energies, in figures and pages."""
 SPEED_MAP = "viridis"
 
 _RC = {

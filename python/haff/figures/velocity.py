@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ..files.recording import Recording
 
 MOST_FRAMES = 40
+MOST_A2 = 0.5
+"""Coefficients up to which the first Sonine polynomial is drawn; beyond it is no small correction."""
 
 
 def draw(file: Recording, index: int | None = None) -> Figure:
@@ -67,18 +69,18 @@ def draw(file: Recording, index: int | None = None) -> Figure:
     top.set_ylabel("probability density")
     top.legend(loc="lower left")
     if shape is None and state:
-        left_out(top, "no theory drawn", state, x=0.98, y=0.96, ha="right")
+        left_out(top, "no Sonine correction of theory", state, x=0.98, y=0.96, ha="right")
 
     below.axhline(1, color=GREY, lw=3.5, alpha=0.6)
     if shape is not None:
         below.plot(line, 1 + shape * theory.sonine_polynomial(line**2, 1), color=RED, lw=1.4, ls="--")
-    sheared = file.shear is not None
+    sheared, is_near = file.shear is not None, abs(measured) < MOST_A2
     if sheared:
         # Of all components together: the mean of normal densities with their variances, over Maxwell's.
         widths = np.mean([np.mean(s**2, axis=0) for s in scaled], axis=0)
         normal = np.mean([np.exp(-(line**2) / (2 * w)) / np.sqrt(2 * np.pi * w) for w in widths], axis=0)
         below.plot(line, normal / theory.maxwell_component(line), color=GREEN, lw=1.4)
-    else:
+    elif is_near:
         below.plot(line, 1 + measured * theory.sonine_polynomial(line**2, 1), color=GREEN, lw=1.4)
     below.errorbar(centre, density / maxwell, error / maxwell, fmt="o", ms=3.4, color=BLUE, elinewidth=0.9)
     sound = error / maxwell < 0.1
@@ -93,6 +95,8 @@ def draw(file: Recording, index: int | None = None) -> Figure:
     if sheared:
         ratios = ",  ".join(f"{2 * w:.3f} ({axis})" for axis, w in zip(AXES, widths))
         note(below, rf"green: normal densities with the measured $T_a/T$ = {ratios}")
+    elif not is_near:
+        note(below, rf"measured $a_2$ = {signed(measured)}{margin}: far from Maxwell")
     else:
         note(below, rf"green: $1 + a_2\,S_2(c_x^2)$ with the measured $a_2$ = {signed(measured)}{margin}")
     headline(figure, "Velocity distribution", f"{facts(file)}  ·  {times(frames)}")

@@ -307,6 +307,8 @@ def _ball(run: Recording) -> Worked:
         height = float(seen[0])
         law = lambda t: mechanics.bounce_position(t, height, e, g)[None]  # noqa: E731
         levels = [(float(mechanics.bounce_height(k, height, e)), f"$H_{k}$") for k in (1, 2, 3) if e > 0]
+        if e == 1:
+            levels = [(levels[0][0], r"$H_1 = H_2 = \dots$")]
     return Worked("Height of the ball", "clear height  [length]", [body_name(run, 0)], run.frames.time, seen[None], law,
                   levels, why)  # fmt: skip
 

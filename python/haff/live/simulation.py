@@ -244,11 +244,13 @@ class Simulation(Model, Measured):
             self._frame = None
             time = min((call.time for call in self._calls), default=math.inf)
             total = min((call.collisions for call in self._calls), default=_NEVER)
-            reason = self._core.advance(min(until, time), min(most, total))
+            # A call may set in motion what is at rest; without a bound of time it would have to.
+            waits = math.isfinite(time) and math.isfinite(until)
+            reason = self._core.advance(min(until, time), min(most, total), waits)
             due = [
                 call
                 for call in self._calls
-                if (reason == "until" and call.time <= self.time)
+                if (reason in ("until", "rest") and call.time <= self.time)
                 or (reason == "collisions" and call.collisions <= self.collisions)
             ]
             if not due:
@@ -478,7 +480,8 @@ class Simulation(Model, Measured):
     def every(self, interval: float, call: Callback) -> None:
         """Call ``call(simulation)`` at each multiple of ``interval`` [time] from now on, after all events at that time.
 
-        It may change the state. If it returns ``True``, :meth:`advance` stops there, with ``"call"``.
+        It may change the state. If it returns ``True``, :meth:`advance` stops there, with ``"call"``. Where nothing
+        moves, time passes up to the bound of :meth:`advance`, so that a call can add particles or set some in motion.
         """
         interval = arguments.positive("interval", interval)
         least = max(arguments.SMALLEST, 4 * math.ulp(self.time))

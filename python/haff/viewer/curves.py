@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..figures.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, YELLOW
+from ..figures.style import ENERGIES, GREEN, GREY, ORANGE, YELLOW
 from ..files.samples import balance
 from ..reader import File
 
@@ -16,9 +16,8 @@ FEW = 30
 """Bodies below which a temperature or a collision rate says little."""
 COUNTED = 20_000
 """Events up to which a page has the time of each, so that their number is exact at any time."""
-_COLORS = {"kinetic": BLUE, "rotational": PURPLE, "pistons": GREEN, "potential": SKY, "dissipated": RED}
-"""Of energies, as in the figure ``energy``."""
 _OTHERS = (ORANGE, GREEN, YELLOW, GREY)
+"""Colors of energies without one of their own."""
 
 
 def find(file: File) -> dict[str, Any] | None:
@@ -45,10 +44,10 @@ def find(file: File) -> dict[str, Any] | None:
     ]
     if energies:
         panels.append(_panel("Energy ledger", energies))
-        rest = [label for label, _ in energies if label not in _COLORS]
+        rest = [label for label, _ in energies if label not in ENERGIES]
         for series in panels[-1]["series"]:
             label = series["label"]
-            series["color"] = _COLORS.get(label) or _OTHERS[rest.index(label) % len(_OTHERS)]
+            series["color"] = ENERGIES.get(label) or _OTHERS[rest.index(label) % len(_OTHERS)]
     if "ledger_residual" in table and table["ledger_residual"].any():
         panels.append(_panel("Ledger residual", [("", table["ledger_residual"])]))
     counts = [table[name] for name in ("collisions", "wall_collisions") if name in table]

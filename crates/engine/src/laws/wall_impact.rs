@@ -17,7 +17,7 @@ use crate::{
         slide,
         wall_contact::{WallContact, touch_wall},
     },
-    model::{features::Features, wall_law::WallLaw, wall_motion::WallMotion},
+    model::{features::Features, thermal::ThermalWall, wall_law::WallLaw, wall_motion::WallMotion},
     motion::{drag, flights},
     numerics::error::EngineError,
     report::{EventKind, Exchange, Observer, Partner, VelocityChange, ledger::Term, row},
@@ -60,10 +60,11 @@ pub(crate) fn apply_wall<F: Features, const EVENTS: bool>(
 }
 
 /// The impact of particle i on a wall at `time`: a function of its anchor. `rough` is for [`apply_wall`].
+/// Not inlined, so that it is compiled once for the loops of all searches.
 ///
 /// # Errors
 /// An overlap that is more than rounding, or a velocity that is not finite.
-#[inline(always)]
+#[inline(never)]
 pub(crate) fn collide_with_wall<F: Features>(
     world: &World,
     i: u32,
@@ -72,34 +73,43 @@ pub(crate) fn collide_with_wall<F: Features>(
     rough: &mut RoughWall,
 ) -> Result<(WallContact, WallOutcome), EngineError> {
     let contact = touch_wall::<F>(world, i, wall, time)?;
-    let WallContact { n, wall_velocity, .. } = contact;
     let class = *world.class(i);
-    let outcome = match world.wall_law(&class, wall) {
-        WallLaw::Restitution(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law, rough)),
+    let law = match world.wall_law(&class, wall) {
+        WallLaw::Restitution(law) => Ok(law),
         // Nothing predicts such a contact.
-        WallLaw::Passes => WallOutcome::Reflection { velocity: contact.velocity, spin: None },
-        WallLaw::Thermal(law) => {
-            let draw = Draw::new(world.seed, world.id(i), u64::from(world.particles[i as usize].count));
-            match law.velocity(draw, class.mass, n, world.dimension) {
-                Some(relative) => {
-                    let spin = world.spin.as_deref().map(|spins| {
-                        let moment = class.moment_of_inertia(&spins.inertia);
-                        law.angular_velocity(draw, moment, world.dimension)
-                    });
-                    WallOutcome::Reflection { velocity: wall_velocity + relative, spin }
-                }
-                None => WallOutcome::Bounce(bounce::<F>(world, &contact, law.restitution, rough)),
-            }
-        }
+        WallLaw::Passes => Err(WallOutcome::Reflection { velocity: contact.velocity, spin: None }),
+        WallLaw::Thermal(law) => thermal_reflection(world, &contact, &law).map_or(Ok(law.restitution), Err),
+    };
+    let outcome = match law {
+        Ok(law) => WallOutcome::Bounce(bounce::<F>(world, &contact, law, rough)),
+        Err(reflection) => reflection,
     };
     check_velocity(world, i, outcome.velocity(), time)?;
     if F::PISTONS
         && let WallOutcome::Bounce(bounce) = &outcome
         && let Some(piston) = world.piston(wall)
     {
-        check_velocity(world, i, wall_velocity + n * (bounce.impact.impulse / piston.mass), time)?;
+        check_velocity(
+            world,
+            i,
+            contact.wall_velocity + contact.n * (bounce.impact.impulse / piston.mass),
+            time,
+        )?;
     }
     Ok((contact, outcome))
+}
+
+/// The reflection from a thermal wall; `None` if this one is not thermal.
+fn thermal_reflection(world: &World, contact: &WallContact, law: &ThermalWall) -> Option<WallOutcome> {
+    let &WallContact { i, n, wall_velocity, .. } = contact;
+    let class = world.class(i);
+    let draw = Draw::new(world.seed, world.id(i), u64::from(world.particles[i as usize].count));
+    let relative = law.velocity(draw, class.mass, n, world.dimension)?;
+    let spin = world.spin.as_deref().map(|spins| {
+        let moment = class.moment_of_inertia(&spins.inertia);
+        law.angular_velocity(draw, moment, world.dimension)
+    });
+    Some(WallOutcome::Reflection { velocity: wall_velocity + relative, spin })
 }
 
 impl WallOutcome {

@@ -19,14 +19,13 @@ pub enum EngineError {
     /// Infinitely many collisions in a finite time.
     #[error(
         "collapse at t = {}: {events} contacts so fast that the clock {} (inelastic collapse), around {} \
-         among {}; set contact.tc{}, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \
-         \"viscoelastic\"){}",
+         among {}; set {}, or a restitution that tends to 1 at low speed (model = \"cutoff\" or \
+         \"viscoelastic\")",
         significant(*time, 9),
         if *span > 0.0 { format!("advanced by {} only", significant(*span, 2)) } else { "did not advance".to_owned() },
         rounded(position),
         participants(particles, walls),
-        if *contact_duration > 0.0 { format!(", for example contact.tc = {contact_duration:e}") } else { String::new() },
-        if *rest_speed > 0.0 { format!(", or contact.rest_speed, for example {rest_speed}") } else { String::new() }
+        remedies(*contact_duration, *rest_speed)
     )]
     Collapse {
         /// When [time].
@@ -41,7 +40,8 @@ pub enum EngineError {
         walls: Vec<String>,
         /// Mean of their positions \[length\], wrapped into the box along periodic axes.
         position: [f64; 3],
-        /// A speed of rest that suits the system [length/time], where gravity acts and none is set; else 0.
+        /// A speed of rest that suits the system [length/time], larger than the one that is set; 0 without
+        /// gravity.
         rest_speed: f64,
         /// A contact duration that suits the system [time]; 0 if none is known.
         contact_duration: f64,
@@ -174,4 +174,19 @@ fn participants(particles: &[u32], walls: &[String]) -> String {
     let walls: String = walls.iter().fold(String::new(), |text, name| text + ", wall " + name);
     let noun = if particles.len() == 1 { "particle" } else { "particles" };
     format!("{noun} {}{more}{walls}", names.join(", "))
+}
+
+/// Keys that end a series of contacts. With gravity `contact.tc` is the last one: on a floor grains bounce
+/// for ever with it.
+fn remedies(contact_duration: f64, rest_speed: f64) -> String {
+    let duration = if contact_duration > 0.0 {
+        format!("contact.tc, for example contact.tc = {contact_duration:e}")
+    } else {
+        "contact.tc".to_owned()
+    };
+    if rest_speed > 0.0 {
+        format!("contact.rest_speed, for example {rest_speed}, where there is no floor {duration}")
+    } else {
+        duration
+    }
 }

@@ -67,6 +67,12 @@ pub(crate) enum Kernel {
 }
 
 impl Kernel {
+    /// Whether there are engines for particles of one size, which are only faster than the others. Not for
+    /// the portable kernel of x86-64, which is rare, to compile fewer of them.
+    pub const fn has_engines_of_one_size(self) -> bool {
+        !cfg!(target_arch = "x86_64") || !matches!(self, Self::Portable)
+    }
+
     /// The kernel for this choice; `None` if the processor does not support it.
     pub fn choose(choice: SimdChoice) -> Option<Self> {
         #[cfg(target_arch = "x86_64")]

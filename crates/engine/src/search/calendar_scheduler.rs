@@ -9,7 +9,6 @@
 use std::marker::PhantomData;
 
 use haff_neighbors::{Geometry, Search, prefetch_at};
-use rayon::prelude::*;
 
 use crate::{
     laws::event::{AnyEvent, Collision, Impact, Pause},
@@ -19,6 +18,7 @@ use crate::{
         batch::Kernel,
         entry::Entry,
         event_loop::{Limit, Next, Scheduler},
+        parallel,
         predict::{BestEvent, Scope, Scratch, flight, predict},
         queue::{Predictor, Queue},
         search_event::SearchEvent,
@@ -125,6 +125,8 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
     type Features = F;
     type Event = AnyEvent;
 
+    const ALWAYS_ROWS: bool = S::IS_ALL_PAIRS;
+
     fn kernel(&self) -> Kernel {
         self.predictor.scratch.kernel()
     }
@@ -133,24 +135,21 @@ impl<F: Features, S: Search + 'static> Scheduler for CalendarScheduler<F, S> {
         let State { world, accumulators, pending, .. } = state;
         let (world, pending) = (&*world, &*pending);
         let count = world.particles.len();
-        let positions: Vec<_> =
-            (0..count as u32).into_par_iter().map(|i| world.flight::<F>(i, world.now).0).collect();
+        let all = [0, count as u32];
+        let mut positions = Vec::with_capacity(count);
+        parallel::map_particles(all, &|| (), &|(), i| world.flight::<F>(i, world.now).0, &mut positions);
         self.predictor.search = S::new(geometry, &positions);
         self.queue.clear();
         let search = &self.predictor.search;
         let kernel = self.predictor.scratch.kernel();
-        let predicted: Vec<(Entry<SearchEvent>, Option<BestEvent>, u64)> = (0..count as u32)
-            .into_par_iter()
-            .map_init(
-                || Scratch::new(kernel),
-                |scratch, i| {
-                    let before = scratch.predictions;
-                    let (entry, best) =
-                        predict::<F, S>(world, search, pending, i, Scope::All, BestEvent::NONE, scratch);
-                    (entry, best, scratch.predictions - before)
-                },
-            )
-            .collect();
+        let predict = |scratch: &mut Scratch, i: u32| {
+            let before = scratch.predictions;
+            let (entry, best) =
+                predict::<F, S>(world, search, pending, i, Scope::All, BestEvent::NONE, scratch);
+            (entry, best, scratch.predictions - before)
+        };
+        let mut predicted = Vec::with_capacity(count);
+        parallel::map_particles(all, &|| Scratch::new(kernel), &predict, &mut predicted);
         for (entry, best, predictions) in predicted {
             accumulators.counters.predictions += predictions;
             if let Some(best) = best {

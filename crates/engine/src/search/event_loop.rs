@@ -47,6 +47,10 @@ pub(crate) trait Scheduler: Send {
     /// The events that can occur.
     type Event: PhysicalEvent;
 
+    /// Whether rows of events are always computed, to compile one loop less: for searches of very few
+    /// particles.
+    const ALWAYS_ROWS: bool = false;
+
     /// The kernel of predictions.
     fn kernel(&self) -> Kernel;
     /// Predicts every particle from the present state.
@@ -143,16 +147,18 @@ impl<S: Scheduler> Engine for S {
         observer: &mut dyn Observer,
     ) -> Result<Pause, EngineError> {
         let pause = match (self.kernel(), observer.wants_events()) {
-            // Compiled less often: this kernel is rare on x86-64, and there always computes rows of events.
-            #[cfg(target_arch = "x86_64")]
-            (Kernel::Portable, false) => run::<S, true, false>(self, state, limit, &mut Silent),
             #[cfg(not(target_arch = "x86_64"))]
             (Kernel::Portable, false) => run::<S, false, false>(self, state, limit, observer),
+            #[cfg(not(target_arch = "x86_64"))]
             (Kernel::Portable, true) => run::<S, true, false>(self, state, limit, observer),
+            #[cfg(target_arch = "x86_64")]
+            (Kernel::Portable, false) => run_portable(self, state, limit, &mut Silent),
+            #[cfg(target_arch = "x86_64")]
+            (Kernel::Portable, true) => run_portable(self, state, limit, observer),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: only `Kernel::choose` makes this kernel, after it has found that the processor supports
             // the instructions.
-            (Kernel::Avx2, false) => unsafe { run_avx2::<S, false>(self, state, limit, observer) },
+            (Kernel::Avx2, false) => unsafe { run_without_rows(self, state, limit, observer) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             (Kernel::Avx2, true) => unsafe { run_avx2::<S, true>(self, state, limit, observer) },
@@ -160,6 +166,21 @@ impl<S: Scheduler> Engine for S {
         self.count_work(state);
         pause
     }
+}
+
+/// [`run`] for the portable kernel, compiled less often: it is rare on x86-64, so that it always computes
+/// rows of events, and there are no engines of it for particles of one size.
+#[cfg(target_arch = "x86_64")]
+fn run_portable<S: Scheduler>(
+    scheduler: &mut S,
+    state: &mut State,
+    limit: &mut Limit,
+    observer: &mut dyn Observer,
+) -> Result<Pause, EngineError> {
+    if S::Features::UNIFORM {
+        unreachable!("`Choice::is_uniform` excludes it");
+    }
+    run::<S, true, false>(scheduler, state, limit, observer)
 }
 
 /// [`run`], compiled as a whole for processors with 256-bit vectors. The bits are the same, because Rust
@@ -174,6 +195,25 @@ fn run_avx2<S: Scheduler, const EVENTS: bool>(
     observer: &mut dyn Observer,
 ) -> Result<Pause, EngineError> {
     run::<S, EVENTS, true>(scheduler, state, limit, observer)
+}
+
+/// [`run_avx2`] where no rows are asked for.
+///
+/// # Safety
+/// The processor supports the features of [`run_avx2`].
+#[cfg(target_arch = "x86_64")]
+unsafe fn run_without_rows<S: Scheduler>(
+    scheduler: &mut S,
+    state: &mut State,
+    limit: &mut Limit,
+    observer: &mut dyn Observer,
+) -> Result<Pause, EngineError> {
+    if S::ALWAYS_ROWS {
+        // SAFETY: guaranteed by the caller.
+        return unsafe { run_avx2::<S, true>(scheduler, state, limit, &mut Silent) };
+    }
+    // SAFETY: as above.
+    unsafe { run_avx2::<S, false>(scheduler, state, limit, observer) }
 }
 
 /// Counts an event at `time`, which is also that of the event before or of an action, if it is a simultaneous

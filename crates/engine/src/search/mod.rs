@@ -4,7 +4,8 @@ The searches for the next event, and the loop that takes events from them.
 *What is here.* [`event_loop`] is the loop, the same for all searches; a search implements its `Scheduler`.
 [`calendar_scheduler`] runs everything, with the cells or all pairs of `haff_neighbors`; [`windows`] and
 [`lists`] (of neighbors) are faster and support less. [`blocks`] shares steps of windows and lists among
-threads, [`sharing`] decides how many threads are worth it. [`matrix`] says what each search can run.
+threads, [`sharing`] decides how many threads are worth it, and [`parallel`] has their loops. [`matrix`]
+says what each search can run.
 [`predict`] and [`batch`] are the predictions of pairs, [`planes`] filters walls, [`queue`] keeps one
 [`entry`] for each particle, with the [`search_event`] that it stands for, and [`ties`] those of one tick;
 [`pistons`] adds contacts with pistons to the calendar; [`moving`] has the axes of frames that deform with the
@@ -31,6 +32,7 @@ pub(crate) mod event_loop;
 pub(crate) mod lists;
 pub(crate) mod matrix;
 pub(crate) mod moving;
+pub(crate) mod parallel;
 pub(crate) mod pistons;
 pub(crate) mod planes;
 pub(crate) mod predict;

@@ -251,6 +251,8 @@ impl<S: Scheduler> WithPistons<S> {
 }
 
 impl<S: Scheduler<Event = AnyEvent>> Scheduler for WithPistons<S> {
+    const ALWAYS_ROWS: bool = S::ALWAYS_ROWS;
+
     type Features = S::Features;
     type Event = AnyEvent;
 

@@ -251,6 +251,11 @@ impl Choice {
         count * (block / volume).min(1.0)
     }
 
+    /// Whether the engine is one for particles of one size.
+    fn is_uniform(&self) -> bool {
+        self.summary.uniform && self.kernel.has_engines_of_one_size()
+    }
+
     /// The engine for the features of the system.
     pub fn compile(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
         let Self { summary, kernel, density, .. } = self;
@@ -300,7 +305,7 @@ impl Choice {
         let gravity = system.domain.gravity != DVec3::ZERO || can_carry(system);
         // The elastic engine keeps no times of contacts, which a law may need after a change.
         let is_elastic = system.contacts.are_elastic() && system.contacts.tc == 0.0;
-        if !gravity && summary.uniform && is_elastic && system.spin.is_none() {
+        if !gravity && self.is_uniform() && is_elastic && system.spin.is_none() {
             if search == Search::Windows {
                 return Box::new(Windows::<ElasticMonodisperse>::new(
                     geometry,
@@ -315,7 +320,7 @@ impl Choice {
                 return engine;
             }
         }
-        match (gravity, summary.uniform) {
+        match (gravity, self.is_uniform()) {
             (true, true) => self
                 .compile_for_lists::<FallingMonodisperse, AnyEvent>(system)
                 .unwrap_or_else(|| scheduler!(FallingMonodisperse)),
@@ -347,7 +352,7 @@ impl Choice {
 
     /// The engine for a box that deforms.
     fn compile_for_deformation(&self, system: &System, geometry: &Geometry) -> Box<dyn Engine> {
-        if self.summary.uniform {
+        if self.is_uniform() {
             self.compile_deforming::<DeformingMonodisperse>(system, geometry)
         } else {
             self.compile_deforming::<DeformingPolydisperse>(system, geometry)

@@ -76,6 +76,8 @@ pub struct Simulation {
     pub(super) stop_time: Option<f64>,
     /// A contact duration that suits the system, for the error of a collapse [time].
     pub(super) contact_duration: Option<f64>,
+    /// See [`Self::wait`].
+    waits: bool,
 }
 
 impl Simulation {
@@ -157,6 +159,7 @@ impl Simulation {
             options,
             horizon: i64::MAX,
             stop_time: None,
+            waits: false,
             contact_duration,
         };
         simulation.rebuild();
@@ -432,9 +435,15 @@ impl Simulation {
         self.choice.kernel
     }
 
-    /// Whether there are drives, or particles still to come in: they can set particles at rest in motion.
+    /// Whether time passes where nothing moves, because the caller will change the state.
+    pub fn wait(&mut self, waits: bool) {
+        self.waits = waits;
+    }
+
+    /// Whether there are drives, particles still to come in, or a caller that will change the state: they can
+    /// set particles at rest in motion.
     pub(super) fn is_driven(&self) -> bool {
-        !self.system.drives.is_empty() || self.actions.iter().any(|action| action.brings())
+        self.waits || !self.system.drives.is_empty() || self.actions.iter().any(|action| action.brings())
     }
 
     /// Whether nothing moves and nothing will.

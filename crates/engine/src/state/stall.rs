@@ -139,7 +139,11 @@ impl Stall {
             walls: walls.iter().map(|&wall| world.boundary.walls[wall as usize].name.clone()).collect(),
             position: world.wrap(position, time).0.to_array(),
             contact_duration: 0.0,
-            rest_speed: if world.laws.thresholds.is_none() { suitable_rest_speed(world) } else { 0.0 },
+            // A jam that lasts needs a larger speed than the one that is set.
+            rest_speed: world
+                .laws
+                .thresholds
+                .map_or_else(|| suitable_rest_speed(world), |thresholds| 2.0 * thresholds.wake),
         }
     }
 }

@@ -92,6 +92,18 @@ fn valid_checkpoints_are_accepted_at_any_time() {
 
 /// With this many walls the code of a set of three walls has more than 30 bits.
 #[test]
+fn energy_given_by_a_law_that_is_no_more_is_accepted() {
+    let mut scene = disks();
+    scene.contacts.pair.fill(Restitution::Constant(0.9).with_added_speed(0.5));
+    let mut simulation = advanced(&scene, 20.0);
+    set_restitution(&mut scene, 0.9);
+    simulation.change_system(scene.clone(), &mut Silent).unwrap();
+    assert!(simulation.ledger().dissipated < -1.0, "{:?}", simulation.ledger());
+    let restored = restore(&scene, &simulation.checkpoint()).unwrap();
+    assert_eq!(restored.checkpoint(), simulation.checkpoint());
+}
+
+#[test]
 fn grains_in_a_corner_of_the_last_of_many_walls_stay_there() {
     let mut scene = system(Dimension::Three, DVec3::splat(9.0), [Boundary::Open; 3]);
     scene.domain.gravity = DVec3::new(-1.0, -1.0, -1.0);

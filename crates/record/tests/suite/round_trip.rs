@@ -579,6 +579,7 @@ fn the_estimated_file_size_is_accurate_to_15_percent() {
             // The pressure tensor with its parts, force and heat of two walls, rates and mean free times of
             // two species.
             measured: samples * (27 + 8 + 6),
+            kept: 0,
             profiles: &[],
         });
         let ratio = estimate as f64 / size as f64;

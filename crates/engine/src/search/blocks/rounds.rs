@@ -1,6 +1,6 @@
 //! The rounds of a step: which block takes which events.
 
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 use crate::{
     numerics::tuning::particles::PARALLEL_EVENTS,
@@ -9,7 +9,7 @@ use crate::{
         batch::Kernel,
         blocks::{cut::Round, front::Dilations, part::RoundView, rows, step::Step},
         event_loop::Limit,
-        sharing,
+        parallel, sharing,
     },
     state::{State, world::World},
 };
@@ -94,6 +94,8 @@ pub(crate) fn can_share(world: &World) -> Result<(), &'static str> {
 
 /// One block, with its data of the search.
 pub(crate) trait Block: Send {
+    /// Whether all particles have one size and mass.
+    const UNIFORM: bool;
     /// An event in a queue.
     type Event: Copy + Send + Sync;
     /// The data that do not depend on the search.
@@ -114,8 +116,10 @@ pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, round:
     match (kernel, events) {
         #[cfg(not(target_arch = "x86_64"))]
         (Kernel::Portable, false) => block.take::<false, false>(round),
-        // On x86-64 the event loop of this kernel always asks for rows.
-        (Kernel::Portable, _) => block.take::<true, false>(round),
+        #[cfg(not(target_arch = "x86_64"))]
+        (Kernel::Portable, true) => block.take::<true, false>(round),
+        #[cfg(target_arch = "x86_64")]
+        (Kernel::Portable, _) => take_portable(block, round),
         #[cfg(target_arch = "x86_64")]
         // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
         (Kernel::Avx2, false) => unsafe { take_avx2::<B, false>(block, round) },
@@ -123,6 +127,15 @@ pub(super) fn take<B: Block>(block: &mut B, kernel: Kernel, events: bool, round:
         // SAFETY: as above.
         (Kernel::Avx2, true) => unsafe { take_avx2::<B, true>(block, round) },
     }
+}
+
+/// On x86-64 the event loop of this kernel always asks for rows, and never has particles of one size.
+#[cfg(target_arch = "x86_64")]
+fn take_portable<B: Block>(block: &mut B, round: &RoundView) {
+    if B::UNIFORM {
+        unreachable!("`Choice::is_uniform` excludes it");
+    }
+    block.take::<true, false>(round);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -185,9 +198,9 @@ pub(crate) fn run_rounds<B: Block>(
         targets.clear();
         targets.resize(pending.len(), 0);
         if round < last {
-            let chunks = pending.par_chunks_mut(CHUNK).zip(targets.par_chunks_mut(CHUNK));
-            let chunks = chunks.with_min_len(sharing::least_items());
-            chunks.for_each(|(events, targets)| route(&rounds[round], events, targets));
+            let find =
+                |_, events: &mut [B::Event], targets: &mut [u32]| route(&rounds[round], events, targets);
+            parallel::change_both(pending, targets, CHUNK, &find);
         } else if let Some(start_last) = start_last.take() {
             start_last(&mut blocks[0]);
         }
@@ -203,15 +216,17 @@ pub(crate) fn run_rounds<B: Block>(
             std::mem::swap(&mut block.part().front, front);
         }
         let (known, targets) = (&pending[..], &targets[..]);
-        let run = |(k, block): (usize, &mut B)| {
+        // Each of these locks is taken once.
+        let slots: Vec<Mutex<&mut B>> = blocks.iter_mut().map(Mutex::new).collect();
+        let run = |k: usize| {
+            let block = &mut **slots[k].lock().unwrap_or_else(PoisonError::into_inner);
             let part = block.part();
             part.known.clear();
             let own = known.iter().zip(targets).filter(|&(_, &target)| target == k as u32);
             part.known.extend(own.map(|(event, _)| *event));
             take(block, kernel, events, &RoundView { step, earlier });
         };
-        let items = sharing::least_items();
-        blocks.par_iter_mut().enumerate().with_min_len(items).with_max_len(items).for_each(run);
+        parallel::for_each(slots.len(), &run);
         pending.clear();
         let (mut longest, mut is_failed, mut is_unexpected) = (0, false, false);
         for (block, front) in blocks.iter_mut().zip(fronts) {

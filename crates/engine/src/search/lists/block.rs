@@ -126,20 +126,23 @@ impl<F: Features> ListBlock<F> {
             return false;
         }
         let time = step.fraction(entry.time);
-        match entry.target.kind() {
+        let updates = match entry.target.kind() {
             SearchEvent::Collision(j) => {
                 self.part.ownership.read(j);
                 if particles[j as usize].count == entry.partner_count {
                     return self.take_collision::<EVENTS, VECTORS>(round, entry, [i, j], time);
                 }
-                self.predict_again::<VECTORS>(round, entry, time, false)
+                false
             }
-            SearchEvent::Wall(wall) => self.take_wall_collision::<EVENTS, VECTORS>(round, entry, wall, time),
-            SearchEvent::Crossing(_) => self.predict_again::<VECTORS>(round, entry, time, true),
-            SearchEvent::Prediction => self.predict_again::<VECTORS>(round, entry, time, false),
+            SearchEvent::Wall(wall) => {
+                return self.take_wall_collision::<EVENTS, VECTORS>(round, entry, wall, time);
+            }
+            SearchEvent::Crossing(_) => true,
+            SearchEvent::Prediction => false,
             // No grain rests on a wall.
-            SearchEvent::EndOfBounces | SearchEvent::Release | SearchEvent::EndOfSlide => false,
-        }
+            SearchEvent::EndOfBounces | SearchEvent::Release | SearchEvent::EndOfSlide => return false,
+        };
+        self.predict_again::<VECTORS>(round, entry, time, updates)
     }
 
     /// Whether another entry has the same time, so that their order has to be that of one queue. The
@@ -362,6 +365,7 @@ impl<F: Features> ListBlock<F> {
 }
 
 impl<F: Features> Block for ListBlock<F> {
+    const UNIFORM: bool = F::UNIFORM;
     type Event = Entry;
 
     fn part(&mut self) -> &mut Part<Entry> {

@@ -17,11 +17,10 @@ mod members;
 
 use glam::DVec3;
 use haff_neighbors::{Array, Axis, Geometry, prefetch_at, with_huge_pages};
-use rayon::prelude::*;
 
 use crate::{
     model::features::Features,
-    search::{blocks::Grid, compact::CompactParticle, sharing::least_items},
+    search::{blocks::Grid, compact::CompactParticle, parallel},
 };
 
 use super::{
@@ -167,20 +166,15 @@ impl Lists {
         let stride = lists.stride;
         let mut words = with_huge_pages(count * stride);
         words.resize(count * stride, count as u32);
-        let built: Vec<(u32, Option<Vec<u32>>)> = words
-            .par_chunks_mut(stride)
-            .with_min_len(least_items())
-            .enumerate()
-            .map_init(Vec::new, |found, (i, words)| {
-                let length = lists.find::<F, false, false>(i as u32, particles, found);
-                let list = &found[..length];
-                if length > words.len() {
-                    return (length as u32, Some(list.to_vec()));
-                }
-                words[..length].copy_from_slice(list);
-                (length as u32, None)
-            })
-            .collect();
+        let built = parallel::map_parts_mut(&mut words, stride, &Vec::new, &|found, i, words| {
+            let length = lists.find::<F, false, false>(i as u32, particles, found);
+            let list = &found[..length];
+            if length > words.len() {
+                return (length as u32, Some(list.to_vec()));
+            }
+            words[..length].copy_from_slice(list);
+            (length as u32, None)
+        });
         lists.words = words.into();
         for (i, (length, list)) in built.into_iter().enumerate() {
             lists.references[i].members = length;

@@ -171,6 +171,33 @@ impl<F: Features> ListPredictor<F> {
         if self.is_fixed(i) {
             return self.renew_fixed(world, i);
         }
+        // Not inlined, it took 0.8 % more instructions in the loops that are the fastest.
+        if F::UNIFORM {
+            return self.renew::<VECTORS>(world, i);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if VECTORS {
+            // SAFETY: with `VECTORS` set the caller guarantees the features of `renew_avx2`.
+            return unsafe { self.renew_avx2(world, i) };
+        }
+        self.renew_portable(world, i)
+    }
+
+    #[inline(never)]
+    fn renew_portable(&mut self, world: &World, i: u32) -> bool {
+        self.renew::<false>(world, i)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline(never)]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn renew_avx2(&mut self, world: &World, i: u32) -> bool {
+        self.renew::<true>(world, i)
+    }
+
+    /// [`Self::renew_list`] for a particle that is not fixed.
+    #[inline(always)]
+    fn renew<const VECTORS: bool>(&mut self, world: &World, i: u32) -> bool {
         let frame = &self.plan.frame;
         let fraction = frame.fraction(world.now);
         self.lists.renew::<F, VECTORS>(i, frame, &self.particles, fraction, AHEAD)

@@ -3,7 +3,6 @@
 use std::marker::PhantomData;
 
 use haff_neighbors::{Array, Geometry, with_huge_pages};
-use rayon::prelude::*;
 
 use crate::{
     laws::event::{AnyEvent, Collision, Impact, Pause, PhysicalEvent},
@@ -16,10 +15,10 @@ use crate::{
         case::Reason,
         compact::CompactParticle,
         event_loop::{Limit, Next, Scheduler},
+        parallel,
         planes::Planes,
         queue::{Predictor, Queue},
         search_event::SearchEvent,
-        sharing::least_items,
         summary::{LocalDensity, SystemSummary},
     },
     state::State,
@@ -133,16 +132,13 @@ impl<F: Features, E: ListedEvent> ListSearch<F, E> {
         let predictor = &self.predictor;
         let mut block = Vec::with_capacity(BLOCK.min(count));
         for start in (0..count).step_by(BLOCK) {
-            (start as u32..(start + BLOCK).min(count) as u32)
-                .into_par_iter()
-                .with_min_len(least_items())
-                .map_init(Bounds::new, |bounds, i| {
-                    let mut work = Work::default();
-                    let entry =
-                        predictor.predict::<false>(&state.world, &state.pending, i, bounds, &mut work);
-                    (entry, work)
-                })
-                .collect_into_vec(&mut block);
+            let predict = |bounds: &mut Bounds, i: u32| {
+                let mut work = Work::default();
+                let entry = predictor.predict_portable(&state.world, &state.pending, i, bounds, &mut work);
+                (entry, work)
+            };
+            let range = [start as u32, (start + BLOCK).min(count) as u32];
+            parallel::map_particles(range, &Bounds::new, &predict, &mut block);
             if start == 0 {
                 let entries: Vec<Entry> = block.iter().map(|(entry, _)| *entry).collect();
                 if in_steps {

@@ -21,7 +21,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use haff_calendar::{Calendar, Ladder};
 use haff_neighbors::{Array, prefetch_at};
-use rayon::prelude::*;
 
 use crate::{
     model::features::Features,
@@ -34,8 +33,9 @@ use crate::{
         compact::CompactParticle,
         entry::Target,
         event_loop::{Limit, Scheduler},
+        parallel,
         search_event::SearchEvent,
-        sharing::{join, least_items},
+        sharing::join,
     },
     state::{State, world::World},
 };
@@ -170,15 +170,13 @@ impl<F: Features, E: ListedEvent> ListSearch<F, E> {
         let Self { queue, steps, .. } = self;
         steps.known.clear();
         let Steps { calendars, incoming, collected, known, .. } = steps;
+        let all: Vec<_> = calendars.iter_mut().zip(incoming).zip(collected.iter_mut()).collect();
         let from_calendars = || {
-            let all = calendars.par_iter_mut().zip(incoming).zip(collected.par_iter_mut());
-            all.with_min_len(least_items()).with_max_len(least_items()).for_each(
-                |((calendar, incoming), entries)| {
-                    incoming.drain(..).for_each(|entry| calendar.push(entry));
-                    entries.clear();
-                    calendar.take_until(to, entries);
-                },
-            );
+            parallel::map(all, &|| (), &|(), ((calendar, incoming), entries)| {
+                incoming.drain(..).for_each(|entry| calendar.push(entry));
+                entries.clear();
+                calendar.take_until(to, entries);
+            });
         };
         join(from_calendars, || queue.take_until(to, known));
         for entries in collected {

@@ -48,7 +48,7 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
                 self.predictor.predict_avx2(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
             };
         }
-        self.predictor.predict::<false>(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
+        self.predictor.predict_portable(&state.world, &state.pending, i, &mut self.bounds[0], self.work)
     }
 
     /// Prefetches in two steps. For the event [`FAR_AHEAD`] entries after the next one: the anchors, compact
@@ -88,9 +88,23 @@ impl<F: Features, const VECTORS: bool> Predictor for VectorPredictor<'_, F, VECT
     }
 }
 
-#[cfg(target_arch = "x86_64")]
 impl<F: Features> ListPredictor<F> {
+    /// Not inlined where it is rare, which is where there are vectors, for shorter loops of events.
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
+    pub(super) fn predict_portable(
+        &self,
+        world: &World,
+        pending: &Waiting,
+        i: u32,
+        bounds: &mut Bounds,
+        work: &mut Work,
+    ) -> Entry {
+        self.predict::<false>(world, pending, i, bounds, work)
+    }
+
     /// Not inlined: one copy of this code keeps the loop of events short.
+    #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     #[inline(never)]
     fn predict_avx2(

@@ -56,6 +56,7 @@ impl<F> WindowBlock<F> {
 }
 
 impl<F: Features> Block for WindowBlock<F> {
+    const UNIFORM: bool = F::UNIFORM;
     type Event = WindowEvent;
 
     fn part(&mut self) -> &mut Part<WindowEvent> {
@@ -77,8 +78,7 @@ impl<F: Features> Block for WindowBlock<F> {
         self.worker.queue.open(from, to, &self.part.known);
         while let Some(event) = self.worker.queue.pop_until(to) {
             let bounds = self.part.front.bounds;
-            let contains = |axis: usize, c: i32| bounds.contains_cells(axis, c, 1);
-            self.worker.prefetch(&self.part.state.world, contains);
+            self.worker.prefetch(&self.part.state.world, |cells| cells.are_within(&bounds));
             let is_endless = self.part.times.len() > round.step.most;
             if is_endless || !self.take_event::<EVENTS, VECTORS>(round, event) {
                 self.part.is_failed = true;
@@ -159,8 +159,8 @@ impl<F: Features> WindowBlock<F> {
         let movable = |body: u32| F::UNIFORM || world.class(body).inverse_mass != 0.0;
         match (movable(i), movable(j)) {
             (true, true) => self.worker.predict_again::<2, VECTORS>(world, [i.min(j), i.max(j)]),
-            (true, false) => self.worker.predict_again::<1, VECTORS>(world, [i]),
-            (false, _) => self.worker.predict_again::<1, VECTORS>(world, [j]),
+            (true, false) => self.worker.predict_one::<VECTORS>(world, i),
+            (false, _) => self.worker.predict_one::<VECTORS>(world, j),
         }
     }
 
@@ -210,7 +210,7 @@ impl<F: Features> WindowBlock<F> {
             &mut self.part.rows,
         );
         self.part.wrap(i);
-        !self.has_resting() && self.worker.predict_again::<1, VECTORS>(&self.part.state.world, [i])
+        !self.has_resting() && self.worker.predict_one::<VECTORS>(&self.part.state.world, i)
     }
 
     /// The place of a particle after a fraction of the window.

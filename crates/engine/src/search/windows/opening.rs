@@ -1,7 +1,6 @@
 //! The opening of windows on all cores: moving of particles, registration, and the batch phase.
 
 use haff_neighbors::{Axis, prefetch_at, with_huge_pages};
-use rayon::prelude::*;
 
 use crate::{
     model::features::Features,
@@ -9,7 +8,7 @@ use crate::{
     search::{
         batch::Kernel,
         compact::{CompactParticle, HEADROOM, LONGEST_SPAN, NEAREST},
-        sharing::least_items,
+        parallel,
     },
     state::{State, world::World},
 };
@@ -21,7 +20,6 @@ use super::{
     scheduler::{SEARCHES, SEARCHES_PER_PARTICLE, Windows},
     space::{Fall, Space, TASK},
     tune::Work,
-    window_event::WindowEvent,
     worker::Worker,
 };
 
@@ -49,28 +47,23 @@ impl<F: Features> Windows<F> {
         }
         let moving = self.worker.moving;
         // Summed in fixed blocks, so that the rounding does not depend on the number of threads.
-        let blocks: Vec<(f64, f64)> = world
-            .particles
-            .par_chunks(TASK)
-            .with_min_len(least_items())
-            .map(|block| {
-                let squares = block.iter().map(|particle| {
-                    let mut velocity = particle.velocity;
-                    if F::DEFORMS
-                        && let Some(frame) = &moving
-                    {
-                        let age = (world.now - particle.time) as f64 * world.clock.tick;
-                        return frame.square_speed(particle.position + velocity * age, velocity);
-                    }
-                    if F::GRAVITY {
-                        velocity +=
-                            self.worker.gravity * ((world.now - particle.time) as f64 * world.clock.tick);
-                    }
-                    velocity.length_squared()
-                });
-                squares.fold((0.0, 0.0), |(sum, largest), square| (sum + square, f64::max(largest, square)))
-            })
-            .collect();
+        let gravity = self.worker.gravity;
+        let blocks = parallel::map_parts(&world.particles, TASK, &|block| {
+            let squares = block.iter().map(|particle| {
+                let mut velocity = particle.velocity;
+                if F::DEFORMS
+                    && let Some(frame) = &moving
+                {
+                    let age = (world.now - particle.time) as f64 * world.clock.tick;
+                    return frame.square_speed(particle.position + velocity * age, velocity);
+                }
+                if F::GRAVITY {
+                    velocity += gravity * ((world.now - particle.time) as f64 * world.clock.tick);
+                }
+                velocity.length_squared()
+            });
+            squares.fold((0.0, 0.0), |(sum, largest), square| (sum + square, f64::max(largest, square)))
+        });
         let (sum, largest) = blocks
             .into_iter()
             .fold((0.0, 0.0), |(sum, largest), block| (sum + block.0, f64::max(largest, block.1)));
@@ -166,12 +159,11 @@ impl<F: Features> Windows<F> {
             }
         };
         // A counting sort. `slot_of` first holds the cell of every particle, then its slot.
-        self.worker
-            .slot_of
-            .par_iter_mut()
-            .with_min_len(least_items())
-            .enumerate()
-            .for_each(|(i, cell)| *cell = cells.cell_of(compact(i as u32).x));
+        parallel::change_parts(&mut self.worker.slot_of, TASK, &|first, part| {
+            for (i, cell) in part.iter_mut().enumerate() {
+                *cell = cells.cell_of(compact((first + i) as u32).x);
+            }
+        });
         let mut next_slot = vec![0_u32; cells.len() + 1];
         for &cell in &self.worker.slot_of {
             next_slot[cell as usize + 1] += 1;
@@ -203,14 +195,15 @@ impl<F: Features> Windows<F> {
             });
         }
         let ids: &[u32] = ids;
-        let slots = particles.par_iter_mut().zip(anchors.par_iter_mut()).with_min_len(least_items());
-        slots.enumerate().for_each(|(slot, (own, anchor))| {
-            if let Some(&later) = ids.get(slot + SLOTS_AHEAD) {
-                prefetch_at(&world.particles, later as usize);
+        parallel::change_both(particles, anchors, TASK, &|first, particles, anchors| {
+            for (slot, (own, anchor)) in (first..).zip(particles.iter_mut().zip(anchors)) {
+                if let Some(&later) = ids.get(slot + SLOTS_AHEAD) {
+                    prefetch_at(&world.particles, later as usize);
+                }
+                let i = ids[slot];
+                *own = compact(i);
+                *anchor = world.particles[i as usize];
             }
-            let i = ids[slot];
-            *own = compact(i);
-            *anchor = world.particles[i as usize];
         });
     }
 
@@ -292,15 +285,12 @@ impl<F: Features> Windows<F> {
         let strips = self.worker.space.strips();
         if self.worker.space.is_parallel() {
             let (space, kernel) = (&self.worker.space, self.kernel);
-            let parts: Vec<(Vec<WindowEvent>, Work)> = strips
-                .into_par_iter()
-                .map_init(Scratch::new, |scratch, slots| {
-                    let mut found = Vec::new();
-                    scratch.work = Work::default();
-                    space.scan_anywhere(kernel, world, slots, scratch, &mut found);
-                    (found, scratch.work)
-                })
-                .collect();
+            let parts = parallel::map(strips, &Scratch::new, &|scratch, slots| {
+                let mut found = Vec::new();
+                scratch.work = Work::default();
+                space.scan_anywhere(kernel, world, slots, scratch, &mut found);
+                (found, scratch.work)
+            });
             for (mut part, work) in parts {
                 found.append(&mut part);
                 self.worker.scratch.work.add(&work);

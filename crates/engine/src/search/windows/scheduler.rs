@@ -292,7 +292,7 @@ impl<F: Features> Scheduler for Windows<F> {
                 }
                 continue;
             };
-            self.worker.prefetch(&state.world, |_, _| true);
+            self.worker.prefetch(&state.world, |_| true);
             let world = &state.world;
             let i = entry.owner;
             let (is_valid, event) = match entry.target.kind() {
@@ -349,7 +349,13 @@ impl<F: Features> Scheduler for Windows<F> {
                 i
             }
         };
-        if !self.worker.predict_again::<1, VECTORS>(&state.world, [changed]) || self.exceeds_search_limit() {
+        // Inlined where the loop is the fastest: not inlined, it took 0.3 % more instructions.
+        let is_slow = if F::UNIFORM {
+            self.worker.predict_again::<1, VECTORS>(&state.world, [changed])
+        } else {
+            self.worker.predict_one::<VECTORS>(&state.world, changed)
+        };
+        if !is_slow || self.exceeds_search_limit() {
             self.reopen(&state.world, limit);
         }
         None
@@ -363,7 +369,7 @@ impl<F: Features> Scheduler for Windows<F> {
         // window costs less.
         let few = bodies.len() as u64 <= SEARCHES;
         let is_predicted =
-            few && bodies.iter().all(|&body| self.worker.predict_again::<1, false>(&state.world, [body]));
+            few && bodies.iter().all(|&body| self.worker.predict_one::<false>(&state.world, body));
         if !is_predicted || self.exceeds_search_limit() {
             self.start_from_anchors(&state.world);
             self.open(&state.world);

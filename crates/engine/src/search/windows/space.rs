@@ -4,7 +4,6 @@ use std::{marker::PhantomData, ops::Range};
 
 use glam::DVec3;
 use haff_neighbors::{Array, prefetch_at};
-use rayon::prelude::*;
 
 use crate::{
     model::features::Features,
@@ -13,6 +12,7 @@ use crate::{
         batch::Kernel,
         compact::CompactParticle,
         entry::Target,
+        parallel,
         planes::{self, Planes},
         sharing,
     },
@@ -125,7 +125,7 @@ impl<F: Features> Space<F> {
     pub fn stream(&mut self, kernel: Kernel, fall: Fall) {
         let axes = self.cells.axes;
         if self.is_parallel() {
-            self.particles.par_chunks_mut(TASK).for_each(|particles| match kernel {
+            parallel::change_parts(&mut self.particles, TASK, &|_, particles| match kernel {
                 Kernel::Portable => stream::<F>(&axes, fall, particles),
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
@@ -138,20 +138,21 @@ impl<F: Features> Space<F> {
 
     /// Whether no particle is displaced by more than `displacement` [length] in the window.
     pub fn are_within(&self, displacement: f32) -> bool {
-        self.particles
-            .par_iter()
-            .with_min_len(sharing::least_items())
-            .all(|compact| compact.is_within(displacement * displacement))
+        let is_within = |compact: &CompactParticle| compact.is_within(displacement * displacement);
+        let parts = parallel::map_parts(&self.particles, TASK, &|part| part.iter().all(is_within));
+        parts.into_iter().all(|part| part)
     }
 
     /// Describes all particles with a tilt that is less by `turns` edges along the flow per edge along the
     /// gradient: it has exceeded half an edge.
     pub fn reduce_tilt(&mut self, turns: i32, ratio: f64) {
         let more = (f64::from(turns) * ratio) as f32;
-        self.particles.par_iter_mut().with_min_len(sharing::least_items()).for_each(|compact| {
-            // Both edges have the same number of coordinates.
-            compact.x[0] = compact.x[0].wrapping_add(turns.wrapping_mul(compact.x[1]));
-            compact.v[0] += more * compact.v[1];
+        parallel::change_parts(&mut self.particles, TASK, &|_, part| {
+            for compact in part {
+                // Both edges have the same number of coordinates.
+                compact.x[0] = compact.x[0].wrapping_add(turns.wrapping_mul(compact.x[1]));
+                compact.v[0] += more * compact.v[1];
+            }
         });
     }
 
@@ -164,22 +165,18 @@ impl<F: Features> Space<F> {
         let parts = cells.parts(rows, lowest);
         let mut leftover = Vec::new();
         if is_parallel {
-            let leftovers: Vec<Vec<(u32, u32)>> = parts
-                .into_par_iter()
-                .map(|part| {
-                    let mut leftover = Vec::new();
-                    match kernel {
-                        Kernel::Portable => fill::<F>(part, &axes, particles, common_radius, &mut leftover),
-                        #[cfg(target_arch = "x86_64")]
-                        // SAFETY: only `Kernel::choose` makes this variant, after it has detected the
-                        // features.
-                        Kernel::Avx2 => unsafe {
-                            fill_avx2::<F>(part, &axes, particles, common_radius, &mut leftover);
-                        },
-                    }
-                    leftover
-                })
-                .collect();
+            let leftovers = parallel::map(parts, &|| (), &|(), part| {
+                let mut leftover = Vec::new();
+                match kernel {
+                    Kernel::Portable => fill::<F>(part, &axes, particles, common_radius, &mut leftover),
+                    #[cfg(target_arch = "x86_64")]
+                    // SAFETY: only `Kernel::choose` makes this variant, after it has detected the features.
+                    Kernel::Avx2 => unsafe {
+                        fill_avx2::<F>(part, &axes, particles, common_radius, &mut leftover);
+                    },
+                }
+                leftover
+            });
             leftover = leftovers.concat();
         } else {
             for part in parts {

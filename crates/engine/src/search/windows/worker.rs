@@ -112,7 +112,7 @@ impl<F: Features> Worker<F> {
 
     /// Prefetches what coming events will read, if the system is large.
     #[inline(always)]
-    pub fn prefetch(&mut self, world: &World, contains: impl Fn(usize, i32) -> bool) {
+    pub fn prefetch(&mut self, world: &World, contains: impl Fn(&NearestCells) -> bool) {
         if self.space.particles.len() > particles::PREFETCH_WINDOWS {
             self.prefetch_events(world);
         }
@@ -158,6 +158,32 @@ impl<F: Features> Worker<F> {
         }
         self.scratch.work.entries += entries;
         true
+    }
+
+    /// [`Self::predict_again`] of one particle, after walls and bodies of infinite mass. Compiled once, not
+    /// for each loop of events: these are rarer than collisions.
+    #[inline(always)]
+    pub fn predict_one<const VECTORS: bool>(&mut self, world: &World, body: u32) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if VECTORS {
+            // SAFETY: with `VECTORS` set the caller guarantees the features of `predict_one_avx2`.
+            return unsafe { self.predict_one_avx2(world, body) };
+        }
+        self.predict_one_portable(world, body)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn predict_one_portable(&mut self, world: &World, body: u32) -> bool {
+        self.predict_again::<1, false>(world, [body])
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[cold]
+    #[inline(never)]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    fn predict_one_avx2(&mut self, world: &World, body: u32) -> bool {
+        self.predict_again::<1, true>(world, [body])
     }
 
     /// Sets the path of a particle in the window from its anchor.
@@ -273,7 +299,7 @@ impl<F: Features> Worker<F> {
     /// Prefetches what the searches after coming events will read: the cells around these events, and later
     /// the compact particles in these cells.
     #[inline(always)]
-    fn prefetch_cells(&mut self, world: &World, contains: impl Fn(usize, i32) -> bool) {
+    fn prefetch_cells(&mut self, world: &World, contains: impl Fn(&NearestCells) -> bool) {
         let Space { cells, particles, .. } = &self.space;
         let position = self.ring_position;
         self.ring_position = (position + 1) % RING;
@@ -287,7 +313,7 @@ impl<F: Features> Worker<F> {
         // The oldest cells of the ring. Contacts that were added to the queue since then can have delayed
         // their event, which is harmless.
         let oldest = &self.cell_ring[self.ring_position];
-        if !oldest.are_within(contains) {
+        if !contains(oldest) {
             return;
         }
         cells.visit(oldest, |block| {
