@@ -125,7 +125,7 @@ def test_velocity_figure_without_theory_says_why(made, name, keys, why):
     with made(name, changed(GAS, **keys)) as run:
         figure = figures.draw(run, "velocity")
         told = texts(figure)
-        assert "no Sonine correction of theory: needs " in told and why in told
+        assert "no theory drawn: needs " in told and why in told
         assert "Sonine" not in told
 
 

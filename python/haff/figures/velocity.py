@@ -69,7 +69,7 @@ def draw(file: Recording, index: int | None = None) -> Figure:
     top.set_ylabel("probability density")
     top.legend(loc="lower left")
     if shape is None and state:
-        left_out(top, "no Sonine correction of theory", state, x=0.98, y=0.96, ha="right")
+        left_out(top, "no theory drawn", state, x=0.98, y=0.96, ha="right")
 
     below.axhline(1, color=GREY, lw=3.5, alpha=0.6)
     if shape is not None:
