@@ -10,6 +10,8 @@ use crate::search::sharing::least_items;
 type Body<'a, S, T, R> = &'a (dyn Fn(&mut S, T) -> R + Sync);
 /// The body of a loop over parts of an array. The index is that of the first element.
 type OfPart<'a, T> = &'a (dyn Fn(usize, &mut [T]) + Sync);
+/// That of a loop over parts of two arrays.
+type OfBoth<'a, A, B> = &'a (dyn Fn(usize, &mut [A], &mut [B]) + Sync);
 
 /// Calls `body` with all indices below `count`, each as a task of its own.
 pub(crate) fn for_each(count: usize, body: &(dyn Fn(usize) + Sync)) {
@@ -63,12 +65,7 @@ pub(crate) fn change_parts<T: Send>(data: &mut [T], size: usize, body: OfPart<T>
 }
 
 /// Changes parts of this size of two arrays.
-pub(crate) fn change_both<A: Send, B: Send>(
-    a: &mut [A],
-    b: &mut [B],
-    size: usize,
-    body: &(dyn Fn(usize, &mut [A], &mut [B]) + Sync),
-) {
+pub(crate) fn change_both<A: Send, B: Send>(a: &mut [A], b: &mut [B], size: usize, body: OfBoth<A, B>) {
     let parts = a.par_chunks_mut(size).zip(b.par_chunks_mut(size)).with_min_len(least_items());
     parts.enumerate().for_each(|(k, (a, b))| body(k * size, a, b));
 }
