@@ -59,7 +59,7 @@ def test_discharge_of_a_hopper_that_is_refilled_is_steady(command):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("settings", [{"seed": 1}, {"seed": 5}, {"seed": 8, "contact__restitution": 0.2}])
+@pytest.mark.parametrize("settings", [{"seed": 1}, {"seed": 5}, {"seed": 6}])
 def test_balls_in_the_bins_of_a_galton_board_come_to_rest(command, settings):
     """Some fall into a gap of their own width, which hardly narrows: with these seeds the run ended as a collapse."""
     done = command.run("galton_board", run__until=100.0, output__frames=50.0, **settings)
