@@ -205,7 +205,9 @@ mod tests {
         // The first impulses are others than those that follow.
         for along in [0.0, 2.4e-10, -3e-9] {
             let mut velocities = [DVec3::new(along, -0.1, 0.0)];
-            jam.iter_mut().for_each(|contact| contact.impulse = 0.0);
+            for contact in &mut jam {
+                contact.impulse = 0.0;
+            }
             solve(&mut jam, &mut velocities, &[1.0], 1e-8);
             assert_eq!(velocities, [DVec3::ZERO], "{along}");
         }
