@@ -27,10 +27,10 @@ def test_the_conductivity_of_a_moderately_dense_gas_is_enskogs(tmp_path):
     # λ ∝ √T varies by 40 % over the profile, so that its mean is that of the middle to a percent.
     assert abs(found.conductivity.z(expected, 0.01 * expected)) < 4
     assert found.conductivity.error < 0.1 * expected
-    # The jumps of a dilute gas are longer, by about n σ³.
+    # The jumps of a dilute gas are longer, by about n σ³ = 0.1 of them; half of that is not known.
     for jump, density in ((found.hot_jump, found.hot_density), (found.cold_jump, found.cold_density)):
         dilute = theory.temperature_jump(density, 1.0)
-        assert abs(jump.z(0.9 * dilute, 0.15 * dilute)) < 4
+        assert abs(jump.z(0.9 * dilute, 0.05 * dilute)) < 4
     assert found.hot_density < found.density < found.cold_density
     assert found.temperature == pytest.approx(1.5, abs=0.1)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import haff
 import synthetic
@@ -140,6 +141,30 @@ def test_partial_figure_has_a_curve_for_each_pair_and_the_contact_values(paths):
             if line.get_label() == "small – large":
                 # Nothing is nearer than contact, and the fluid is dense at it.
                 assert np.all(g[x < 1 - 0.03] == 0) and g[np.searchsorted(x, 1.0)] > 1.2
+
+
+@pytest.mark.parametrize(
+    ("keys", "is_last"),
+    [
+        ({"run__until": 400.0, "output__frames": 20.0}, True),
+        ({"run__until": 60.0, "output__frames": {"log": [1.0, 1.5]}, "contact__restitution": 1.0}, True),
+        ({"run__until": 60.0, "output__frames": 5.0, "contact__restitution": 1.0}, False),
+    ],
+    ids=["cools", "geometric", "steady"],
+)
+def test_structure_factor_of_a_gas_that_changes_is_that_of_its_last_frame(keys, is_last, tmp_path):
+    scene = {
+        "seed": 3,
+        "domain": {"packing_fraction": 0.1},
+        "species": [{"name": "grain", "count": 300, "radius": 0.5, "mass": 1.0}],
+        "contact": {"restitution": 0.8},
+    }
+    with haff.run(scene, file=tmp_path / "gas.h5", **keys) as run:
+        figure = figures.draw(run.file, "structure_factor")
+        shown = " ".join(text.get_text() for text in figure.findobj(Text))
+        last = f"{run.file.frames[-1].time:.4g}"
+    assert ("simulation, one frame" in shown) == is_last and ("simulation, 12 frames" in shown) != is_last
+    assert f"t = {last}" in shown if is_last else f"… {last}" in shown
 
 
 def test_cluster_figure_has_the_sizes_of_the_last_frame(paths):

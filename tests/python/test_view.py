@@ -98,6 +98,27 @@ def test_too_many_frames_are_thinned_with_a_message(files, tmp_path, capsys):
     assert not (tmp_path / "b.html").exists()
 
 
+def test_fixed_bodies_take_no_room_in_a_page(tmp_path):
+    ball = {"position": [1.0, 1.0], "velocity": [1.0, 0.3], "radius": 0.1, "mass": 1.0}
+    for speed, kept in ((0.0, 101), (1.0, 26)):
+        pins = [
+            {"position": [2.0 * x, 2.0 * y], "velocity": [speed, 0.0], "radius": 0.2, "mass": np.inf}
+            for x in range(30)
+            for y in range(30)
+        ]
+        scene = {
+            "schema": 1,
+            "dimension": 2,
+            "domain": {"boundary": ["open", "open"]},
+            "particle": [*pins, ball],
+            "run": {"until": 10.0},
+            "output": {"frames": 0.1},
+        }
+        haff.run(scene, file=tmp_path / "pins.h5", overwrite=True)
+        page = page_of(tmp_path / "pins.h5", tmp_path, "--size", "0.25")
+        assert len(page.header["frames"]["time"]) == kept, "the same if they move"
+
+
 def test_frames_of_few_bodies_are_thinned_too(files, tmp_path, capsys, monkeypatch):
     from haff.viewer import content
 

@@ -65,7 +65,8 @@ pub fn profiles(measure: &Measure, until: f64) -> Vec<(u64, &Grid)> {
     measure.profiles.iter().map(|grid| (rows(grid), grid)).collect()
 }
 
-/// Memory for earlier states of correlations \[bytes\]: sixteen at each level, at twice the distance.
+/// Memory for earlier states of correlations \[bytes\]: sixteen at each level of lags.
+/// The lags of a level are twice those of the one before.
 pub fn correlations(measure: &Measure, particles: usize, until: f64) -> u64 {
     let Correlations { msd, vacf, tracers, interval, .. } = &measure.correlations;
     let followed = |followed: &Followed| particles.min(tracers * followed.curves()) as u64;

@@ -131,6 +131,7 @@ def _walls(file: Recording) -> tuple[int, dict[str, float]]:
 
 
 def _ratio(a: float, a_error: float, b: float, b_error: float) -> Estimate:
-    value = a / b
-    relative = np.hypot(a_error / a, b_error / b) if a != 0 else np.nan
-    return Estimate(value, float(abs(value) * relative))
+    from uncertainties import ufloat
+
+    ratio = ufloat(a, a_error) / ufloat(b, b_error)
+    return Estimate(ratio.nominal_value, ratio.std_dev)

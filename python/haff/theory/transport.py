@@ -61,8 +61,9 @@ def enskog_tracer_diffusion(
     Notes
     -----
     The theory is one of single collisions. It leaves out the flow of the others that a tracer drags along, so that
-    tracers which are not small against the mean free path diffuse faster: by the factor 1.38 ± 0.06 with three times
-    the diameter and ten times the mass at a packing fraction of 0.1, where the mean free path is about a diameter.
+    tracers which are not small against the mean free path diffuse faster: by the factor 1.35 ± 0.03 with three times
+    the diameter and ten times the mass at a packing fraction of 0.1, where the mean free path is about a diameter
+    (docs/howto/measuring.md).
     """
     n, sigma, sigma_tracer, m, m_tracer, T = (np.asarray(x, float) for x in (n, sigma, sigma_tracer, m, m_tracer, T))
     between, reduced = 0.5 * (sigma + sigma_tracer), m * m_tracer / (m + m_tracer)

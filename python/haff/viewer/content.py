@@ -124,8 +124,10 @@ def _thin(file: File, chosen, size: float, losses: bool, notes: list[str]):
     """A selection of the frames that fits into a page of this size."""
     d = file.dimension
     spin = 2 * _spins(d) if file.inertia is not None else 0
-    # Bodies that are the same in all frames shrink to nothing when the page is compressed.
-    moving = max(1, int(np.isfinite(file.mass).sum()))
+    # Fixed bodies, the same in all frames, shrink to nothing when the page is compressed.
+    first = chosen[0]
+    fixed = np.isinf(first.mass) & ~np.any(first.velocity, axis=1)
+    moving = max(1, len(file) - int(fixed.sum()))
     # Single precision where particles come and go: it has a number for those that are not there.
     frame = (
         moving

@@ -185,7 +185,7 @@ fn remedies(contact_duration: f64, rest_speed: f64) -> String {
         "contact.tc".to_owned()
     };
     if rest_speed > 0.0 {
-        format!("contact.rest_speed, for example {rest_speed}, where there is no floor {duration}")
+        format!("contact.rest_speed, for example {rest_speed} (without a floor also {duration})")
     } else {
         duration
     }

@@ -90,7 +90,6 @@ fn valid_checkpoints_are_accepted_at_any_time() {
     }
 }
 
-/// With this many walls the code of a set of three walls has more than 30 bits.
 #[test]
 fn energy_given_by_a_law_that_is_no_more_is_accepted() {
     let mut scene = disks();
@@ -103,6 +102,7 @@ fn energy_given_by_a_law_that_is_no_more_is_accepted() {
     assert_eq!(restored.checkpoint(), simulation.checkpoint());
 }
 
+/// With this many walls the code of a set of three walls has more than 30 bits.
 #[test]
 fn grains_in_a_corner_of_the_last_of_many_walls_stay_there() {
     let mut scene = system(Dimension::Three, DVec3::splat(9.0), [Boundary::Open; 3]);

@@ -31,6 +31,7 @@ const SAME: f64 = 1e-3;
 const ROUNDING: f64 = 1e-13;
 
 /// A contact in a jam: of a grain with another grain of the jam, or with an immovable body or wall.
+#[derive(Clone)]
 struct Contact {
     grain: usize,
     other: Option<usize>,
@@ -124,18 +125,16 @@ fn solve(jam: &mut [Contact], velocities: &mut [DVec3], inverse: &[f64], accurac
     }
     // A grain in a gap that narrows by 10⁻⁸ of its way loses this part of its speed in each round: the
     // changes are small, and remain.
-    let mut further = velocities.to_vec();
-    let impulses: Vec<f64> = jam.iter().map(|contact| contact.impulse).collect();
+    let (mut further, mut after) = (jam.to_vec(), velocities.to_vec());
     let later = [(); 3].map(|()| {
-        (1..FURTHER_ROUNDS).for_each(|_| _ = iterate(jam, &mut further, inverse));
-        iterate(jam, &mut further, inverse)
+        (1..FURTHER_ROUNDS).for_each(|_| _ = iterate(&mut further, &mut after, inverse));
+        iterate(&mut further, &mut after, inverse)
     });
     let remains = |k: usize| {
         let change = later[0][k];
         change > ROUNDING * fastest && later.iter().all(|later| (later[k] - change).abs() <= SAME * change)
     };
-    for (k, contact) in jam.iter_mut().enumerate() {
-        contact.impulse = impulses[k];
+    for (k, contact) in jam.iter().enumerate() {
         if !is_small(&changes[k]) || remains(k) {
             for grain in [Some(contact.grain), contact.other].into_iter().flatten() {
                 velocities[grain] = DVec3::ZERO;

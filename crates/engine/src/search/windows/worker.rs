@@ -172,14 +172,12 @@ impl<F: Features> Worker<F> {
         self.predict_one_portable(world, body)
     }
 
-    #[cold]
     #[inline(never)]
     fn predict_one_portable(&mut self, world: &World, body: u32) -> bool {
         self.predict_again::<1, false>(world, [body])
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[cold]
     #[inline(never)]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     fn predict_one_avx2(&mut self, world: &World, body: u32) -> bool {
