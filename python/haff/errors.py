@@ -125,3 +125,6 @@ class SceneError(HaffError, ValueError):
 
 class SimulationError(HaffError, RuntimeError):
     """The simulation cannot continue, for example after an inelastic collapse. Data recorded before stay readable."""
+
+    result: Any = None
+    """The :class:`haff.Result` of the run up to there, of :func:`haff.run` and :func:`haff.resume`."""

@@ -63,6 +63,15 @@ def test_tables_are_markdown_csv_and_latex(tmp_path, capsys):
     assert (tmp_path / "impacts.csv").read_text().startswith("time,first,second,first_before_x,")
     assert main(["table", path, "--to", "latex"]) == 0
     assert r"\begin{tabular}" in capsys.readouterr().out.replace("impacts.csv", "")
+    assert main(["table", path, "--columns", "e, first before x,time", "--digits", "3"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [heading.strip() for heading in lines[0].strip("|").split("|")] == ["e", "first before x", "time"]
+    whole = haff.open(path).impacts()
+    cells = [float(cell) for cell in lines[2].strip("|").split("|")]
+    assert cells == [float(f"{whole[name][0]:.3g}") for name in ("e", "first_before_x", "time")]
+    for wrong, told in ((["--columns", "e,v"], "columns = 'v': must be one of time"), (["--digits", "0"], "1 to 17")):
+        assert main(["table", path, *wrong]) == 2
+        assert told in capsys.readouterr().err
     assert main(["table", path, "--to", "html"]) == 2
     assert main(["table", path, "-o", str(tmp_path / "impacts.csv")]) == 2, "the file exists"
 

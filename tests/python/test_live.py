@@ -247,3 +247,15 @@ def test_collapse_error_names_the_remedies():
     for going in (haff.run, lambda scene: haff.Simulation(scene).run()):
         with pytest.raises(haff.SimulationError, match=r"(?s)collapse.*particle.*contact\.tc"):
             going(stack)
+
+
+def test_a_run_that_ends_with_an_error_keeps_its_temporary_file(tmp_path):
+    """Of a template no file is named; what happened before a collapse is in ``error.result``."""
+    scene = haff.template("galton_board")
+    scene["contact"] = {"restitution": 0.2}
+    with pytest.raises(haff.SimulationError, match="collapse") as caught:
+        haff.run(scene)
+    result = caught.value.result
+    assert result.stopped == "collapse" and 0 < result.simulated_time < 130
+    assert result.file.frames[-1].time == result.simulated_time
+    assert result.save(tmp_path / "kept.h5").stat().st_size > 0

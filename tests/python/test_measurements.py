@@ -97,6 +97,27 @@ def test_a_live_simulation_measures_what_a_file_records(fluid):
 
 
 @pytest.mark.long
+def test_means_of_profiles_have_errors(fluid):
+    rows = fluid.profiles["z"].isel(time=slice(6, None))
+    found = haff.analysis.profile_means(fluid, "z", start=float(fluid.profiles["z"]["time"][5]))
+    assert set(found.data_vars) == {*rows.data_vars, *(f"{name}_error" for name in rows.data_vars)}
+    assert found["temperature"].attrs == rows["temperature"].attrs and "time" not in found.coords
+    for cell in range(rows.sizes["z"]):
+        series = rows["pressure"].sel(row="z", column="z").isel(z=cell).to_numpy()
+        expected = haff.analysis.mean(series)
+        assert found["pressure"].sel(row="z", column="z").isel(z=cell) == expected.mean
+        assert found["pressure_error"].sel(row="z", column="z").isel(z=cell) == expected.error > 0
+    few = haff.analysis.profile_means(fluid, "z", start=float(fluid.profiles["z"]["time"][-4]))
+    assert np.isnan(few["density_error"]).all() and np.isfinite(few["density"]).all()
+    for wrong, told in (
+        ({"axes": "y"}, "must be one of xy, z"),
+        ({}, "axes: must be one"),
+        ({"axes": "z", "start": 1e9}, "ends later"),
+    ):
+        with pytest.raises(haff.ArgumentError, match=told):
+            haff.analysis.profile_means(fluid, **wrong)
+
+
 def test_a_run_in_two_parts_writes_the_same_profiles_and_correlations(fluid, command, tmp_path):
     path = tmp_path / "parts.h5"
     haff.save_scene(FLUID, tmp_path / "fluid.toml")

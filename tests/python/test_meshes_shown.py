@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
@@ -77,6 +77,11 @@ def test_a_mesh_that_has_changed_is_not_shown(tmp_path):
         files_of_meshes.read("a.stl", tmp_path, known[::-1])
 
 
+def beside(folder):
+    """Reads meshes of a folder."""
+    return lambda given: files_of_meshes.read(given["file"], folder)
+
+
 def mesh_run(folder, monkeypatch, **keys):
     monkeypatch.chdir(folder)
     (folder / "box.stl").write_bytes(binary_stl((box_triangles() - 3.0) * 1000))
@@ -109,14 +114,7 @@ def test_pages_and_figures_have_meshes(moves, tmp_path, monkeypatch):
 def test_meshes_are_turned_and_scaled_as_the_command_does():
     turn = {"file": "box.stl", "scale": 2.0, "point": [1, 2, 3], "rotation": [[0, 0, 2], np.pi / 2]}
 
-    def read(*_):
-        return box_triangles()
-
-    original, meshes.read = meshes.read, read
-    try:
-        found = meshes.mesh(turn, "both", np.array([0.5, 0, 0]), Path())
-    finally:
-        meshes.read = original
+    found = meshes.mesh(turn, "both", np.array([0.5, 0, 0]), lambda _: box_triangles())
     x, y, z = np.unique(box_triangles().reshape(-1, 3), axis=0).T
     expected = np.stack([-2 * y + 1.5, 2 * x + 2, 2 * z + 3], axis=1)
     assert np.allclose(np.sort(found.vertices, axis=0), np.sort(expected, axis=0), atol=1e-12)
@@ -129,7 +127,7 @@ def test_faces_that_are_turned_over_are_turned_back(tmp_path):
         over = rng.random(12) < 0.4
         triangles[over] = triangles[over][:, ::-1]
         (tmp_path / "a.stl").write_bytes(binary_stl(triangles))
-        form = meshes.mesh({"file": "a.stl"}, "inside", np.zeros(3), tmp_path)
+        form = meshes.mesh({"file": "a.stl"}, "inside", np.zeros(3), beside(tmp_path))
         a, b, c = form.vertices[form.faces.T]
         assert np.einsum("fi,fi", a, np.cross(b, c)) / 6 == pytest.approx(18.0)
         files_of_meshes._read.cache_clear()
@@ -138,25 +136,47 @@ def test_faces_that_are_turned_over_are_turned_back(tmp_path):
 def test_of_many_faces_the_box_around_them_is_drawn(tmp_path, monkeypatch):
     (tmp_path / "a.stl").write_bytes(binary_stl(box_triangles()))
     monkeypatch.setattr(meshes, "MOST_FACES", 11)
-    form = meshes.mesh({"file": "a.stl"}, "inside", np.zeros(3), tmp_path)
+    form = meshes.mesh({"file": "a.stl"}, "inside", np.zeros(3), beside(tmp_path))
     assert form.vertices.shape == (8, 3) and len(form.faces) == 0
     assert sorted(float(np.linalg.norm(b - a)) for a, b in form.edges) == [2.0] * 4 + [3.0] * 8
 
 
 def test_sections_show_the_form_of_smooth_meshes(tmp_path):
     room = Extent(np.zeros(3), np.full(3, SIZE), np.zeros(3, bool))
-    globe = shapes.build(SPACE["globe"], 3, room, np.zeros(3), Path()).form
+    globe = shapes.build(SPACE["globe"], 3, room, np.zeros(3), None).form
     (tmp_path / "a.stl").write_bytes(binary_stl(globe.vertices[globe.faces]))
-    form = meshes.mesh({"file": "a.stl"}, "inside", np.zeros(3), tmp_path)
+    form = meshes.mesh({"file": "a.stl"}, "inside", np.zeros(3), beside(tmp_path))
     wires = np.array(form.wires)
     assert len(form.edges) == 0 and len(wires) >= 3 * solids.SEGMENTS
     assert off(SPACE["globe"], wires).max() < 4 * (1 - math.cos(np.pi / solids.SEGMENTS) ** 2)
     assert np.all(np.min(np.ptp(wires, axis=1), axis=1) < 1e-6), "each is in a plane across an axis"
 
 
+def test_a_run_has_the_triangles_of_its_walls(tmp_path, monkeypatch, capsys):
+    """It is drawn and goes on with those it began with, wherever its file is: their own file is gone or has changed."""
+    path = mesh_run(tmp_path, monkeypatch)
+    with haff.open(path) as run:
+        (name, triangles), scene = *run.meshes.items(), run.scene
+    assert name == scene["wall"][0]["mesh"]["hash"] and np.array_equal(triangles, 1000 * (box_triangles() - 3))
+    before = page_of(path, tmp_path).header["shapes"]
+    for change in (lambda file: file.write_bytes(binary_stl(2 * box_triangles())), lambda file: file.unlink()):
+        change(tmp_path / "box.stl")
+        page = page_of(path, tmp_path)
+        assert page.header["notes"] == [] and page.header["shapes"] == before != []
+        further = haff.resume(path, file=tmp_path / "further.h5", run__until=3.0, overwrite=True)
+        assert further.report["simulated_time"] == 3.0
+        with haff.open(tmp_path / "further.h5") as run:
+            assert np.array_equal(run.meshes[name], triangles)
+    with pytest.raises(haff.HaffError, match=r"file.*other\.stl.*cannot be read"):
+        haff.resume(path, file=tmp_path / "x.h5", run__until=3.0, wall__it__mesh__file="other.stl")
+    assert capsys.readouterr().err == ""
+
+
 def test_a_missing_mesh_is_a_note_and_the_page_is_made(tmp_path, monkeypatch, capsys):
     path = mesh_run(tmp_path, monkeypatch)
     (tmp_path / "box.stl").unlink()
+    with h5py.File(path, "r+") as file:  # as of a mesh too large to be kept
+        del file["parameters/meshes"]
     page = page_of(path, tmp_path)
     note = f"the wall 'it' is not drawn: {tmp_path / 'box.stl'} is not there"
     assert capsys.readouterr().err == f"haff: {note}\n"

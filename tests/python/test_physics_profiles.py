@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from haff import theory
+from haff import analysis, theory
 
 pytestmark = pytest.mark.physics
 
@@ -47,6 +47,16 @@ def atmosphere(command, tmp_path_factory):
     )
     with command.run(path).open() as run:
         yield run
+
+
+def test_errors_of_cells_are_those_of_blocks(atmosphere):
+    rows = atmosphere.profiles["z"].isel(time=slice(50, None))
+    found = analysis.profile_means(atmosphere, "z", start=500.0)
+    _, blocks = mean_and_error(rows["density"].to_numpy(), 20)
+    # Each of the errors of 20 blocks is known to 16 %, their mean over 15 independent cells to 4 %.
+    whole = slice(1, 16)
+    ratio = (found["density_error"].to_numpy()[whole] / blocks[whole]).mean()
+    assert 0.8 < ratio < 1.25, ratio
 
 
 def test_pressure_of_an_atmosphere_carries_the_weight_above(atmosphere):

@@ -164,7 +164,7 @@ AREAS = {
 @pytest.mark.parametrize("name", AREAS)
 def test_triangles_are_all_of_a_surface_and_seen_from_outside(name):
     room = Extent(np.zeros(3), np.full(3, SIZE), np.zeros(3, bool))
-    form = shapes.build(SPACE[name], 3, room, np.zeros(3), Path()).form
+    form = shapes.build(SPACE[name], 3, room, np.zeros(3), None).form
     a, b, c = form.vertices[form.faces.T]
     area, volume = AREAS[name]
     # Chords of circles: π²/6 /96² of the area and π²/3·2/96² of the volume, and twice that on a sphere.
@@ -194,7 +194,7 @@ def test_the_extent_of_the_view_has_finite_walls_in_it_as_they_move(name, made, 
 def test_walls_without_end_are_cut_at_the_box_and_large_obstacles_do_not_shrink_the_view():
     box = Extent(np.zeros(3), np.array([8.0, 6.0, 4.0]), np.ones(3, bool))
     wall = {"cylinder": {"point": [4, 3, 2], "axis": [1, 0.3, 0], "radius": 1.5, "side": "outside"}}
-    form = shapes.build(wall, 3, box, np.zeros(3), Path()).form
+    form = shapes.build(wall, 3, box, np.zeros(3), None).form
     assert off(wall, form.vertices).max() < 1e-12
     # All lines along it reach from face to face.
     assert np.all(form.vertices > -1e-6) and np.all(form.vertices < box.size + 1e-6)

@@ -71,7 +71,7 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
         ("the state that the scene starts from", scene.state_file.as_deref()),
     ];
     overwrite::check(new, &inputs, options.overwrite)?;
-    let Scene { system, joints, title, seed, run, mut output, resolved, .. } = scene;
+    let Scene { system, joints, title, seed, run, mut output, resolved, meshes, .. } = scene;
     output.file = Some(new.to_owned());
     let same = system == old_system && joints == old.joints;
     drop(old_system);
@@ -94,7 +94,13 @@ pub fn start(file: &Path, new: &Path, options: &Run, controls: Controls) -> Resu
     }
     controls.signals.begin();
     let parts = Parts::before(&resumed);
-    let texts = Texts { title: title.clone(), resolved, seed, earlier: parts.summary() };
+    let texts = Texts {
+        title: title.clone(),
+        resolved,
+        seed,
+        earlier: parts.summary(),
+        meshes: single::stored(meshes),
+    };
     let recorder = single::create(&output, &header, &joints, texts, &simulation.ledger(), options.overwrite)?;
     drop(header);
     if let (Some(recorder), false) = (&recorder, rows.0.is_empty()) {

@@ -4,9 +4,9 @@
 use std::time::{Duration, Instant};
 
 use console::Term;
-use haff_engine::{EngineError, EventRecord, Observer, ProfileRow, Sample, Stop, Until, significant};
+use haff_engine::{EngineError, Sample, Stop, Until, significant};
 use haff_linkage::{AnySimulation, AnySimulationError, LinkageError};
-use haff_record::{RecordError, Recorder};
+use haff_record::{EventLog, RecordError, Recorder};
 use haff_scene::{Due, Grown, GrowthEnd, OutputPlan, Records, RunPlan, Times, UntilOf};
 
 use crate::{
@@ -24,8 +24,6 @@ const SLICE_TIME: Duration = Duration::from_millis(100);
 /// particle, such that checkpoints write 1.3 MB/s.
 pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(3);
 pub const CHECKPOINT_PARTICLE: Duration = Duration::from_micros(60);
-/// Event rows sent to the writer at once.
-const EVENT_BATCH: usize = 1 << 13;
 
 /// Why a run ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,55 +118,6 @@ impl From<RecordError> for Ending {
     }
 }
 
-/// Collects event rows into batches for the writer.
-struct EventLog<'a> {
-    recorder: Option<&'a Recorder>,
-    enabled: bool,
-    rows: Vec<EventRecord>,
-    error: Option<RecordError>,
-}
-
-impl EventLog<'_> {
-    fn hand_over(&mut self) -> Result<(), RecordError> {
-        if let (Some(recorder), false) = (self.recorder, self.rows.is_empty()) {
-            // A buffer whose memory is already mapped; it is sent when full, so it never grows.
-            let mut empty = recorder.event_buffer();
-            empty.reserve(EVENT_BATCH);
-            recorder.events(std::mem::replace(&mut self.rows, empty))?;
-        }
-        self.check()
-    }
-
-    /// Returns an error of sending rows that occurred while events ran.
-    fn check(&mut self) -> Result<(), RecordError> {
-        self.error.take().map_or(Ok(()), Err)
-    }
-}
-
-impl Observer for EventLog<'_> {
-    fn wants_events(&self) -> bool {
-        self.enabled
-    }
-
-    fn profile(&mut self, row: ProfileRow) {
-        if let Some(recorder) = self.recorder
-            && self.error.is_none()
-        {
-            self.error = recorder.profile(row).err();
-        }
-    }
-
-    fn event(&mut self, event: &EventRecord) {
-        self.rows.push(*event);
-        if self.rows.len() >= EVENT_BATCH
-            && self.error.is_none()
-            && let Err(error) = self.hand_over()
-        {
-            self.error = Some(error);
-        }
-    }
-}
-
 /// Times of the last frame and of the last row of observables. None is written twice at one time: a run can
 /// stop at a time at which one is due, or at which its clock no longer advances.
 #[derive(Debug, Clone, Copy, Default)]
@@ -259,13 +208,7 @@ impl Session<'_> {
         let interval = CHECKPOINT_EVERY.max(CHECKPOINT_PARTICLE * self.simulation.particles() as u32);
         let mut slice = SLICE;
         let mut saved = Instant::now();
-        let mut log = EventLog {
-            recorder: self.recorder,
-            enabled: recording && !self.output.events.is_empty(),
-            rows: Vec::new(),
-            error: None,
-        };
-
+        let mut log = EventLog::new(self.recorder, !self.output.events.is_empty());
         let ending = loop {
             let done = self.simulation.counters().collisions;
             let step = self.run.growth.map_or(u64::MAX, |growth| growth.next(done));

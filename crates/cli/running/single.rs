@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use haff_engine::{Ledger, SceneFeatures, System, TRAJECTORY_VERSION};
 use haff_linkage::{AnySimulation, Joints};
-use haff_record::{Header, RecordError, Recorder};
-use haff_scene::{OutputPlan, Scene, Schedule};
+use haff_record::{Header, RecordError, Recorder, StoredMesh};
+use haff_scene::{MeshFile, OutputPlan, Scene, Schedule};
 use serde_json::{Value, json};
 
 use crate::{
@@ -45,6 +45,13 @@ pub struct Texts {
     pub seed: u64,
     /// The summary of the run so far; empty if it begins.
     pub earlier: String,
+    /// The triangles of its walls.
+    pub meshes: Vec<StoredMesh>,
+}
+
+/// The meshes of a scene as files have them.
+pub fn stored(meshes: Vec<MeshFile>) -> Vec<StoredMesh> {
+    meshes.into_iter().map(|MeshFile { corners, hash }| StoredMesh { hash, corners }).collect()
 }
 
 /// Creates the output file of a scene, if it has one. `ledger`: that of the run so far.
@@ -71,6 +78,7 @@ pub fn create(
         present: SceneFeatures { springs: !joints.springs.is_empty(), ..SceneFeatures::of(system) }
             .with_terms(ledger),
         earlier: texts.earlier,
+        meshes: texts.meshes,
         conserved_momentum: joints.conserved_momentum(system),
         ..Header::from_system(system)
     };
@@ -82,8 +90,9 @@ pub fn create(
 /// Runs a scene; `overwrite` replaces its output file.
 pub fn start(scene: Scene, overwrite: bool, controls: Controls) -> Result<Finished, Failure> {
     controls.signals.begin();
-    let Scene { system, joints, title, seed, run, output, resolved, .. } = scene;
-    let texts = Texts { title: title.clone(), resolved, seed, earlier: String::new() };
+    let Scene { system, joints, title, seed, run, output, resolved, meshes, .. } = scene;
+    let texts =
+        Texts { title: title.clone(), resolved, seed, earlier: String::new(), meshes: stored(meshes) };
     let recorder = create(&output, &system, &joints, texts, &Ledger::default(), overwrite)?;
     let simulation =
         AnySimulation::new(system, joints, scene.options).map_err(|error| simulation_failure(&error))?;

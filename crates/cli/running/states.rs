@@ -32,12 +32,17 @@ impl StateSource for States {
 }
 
 /// States for a run that is resumed: particles come from the checkpoint, so any frame of the file itself is a
-/// valid initial state of the scene, and the state file that the run started from need not exist any more.
+/// valid initial state of the scene; neither the state file that the run started from nor its meshes need to
+/// exist.
 pub struct OwnStates(pub PathBuf);
 
 impl StateSource for OwnStates {
     fn state(&self, path: &Path, index: i64) -> Result<State, String> {
         States.state(&self.0, -1).or_else(|_| States.state(path, index))
+    }
+
+    fn mesh(&self, hash: &str) -> Option<Vec<[DVec3; 3]>> {
+        haff_record::mesh(&self.0, hash).ok().flatten()
     }
 }
 

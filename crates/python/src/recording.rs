@@ -7,8 +7,8 @@
 use glam::DVec3;
 use haff_engine::{EventRecord, Frame, SceneFeatures, Stop, System, TRAJECTORY_VERSION, Term, Until};
 use haff_linkage::{AnySimulation, AnySimulationError};
-use haff_record::{Entered, Header, RecordError, Recorder};
-use haff_scene::{Due, OutputPlan, Records, Schedule, Times};
+use haff_record::{Entered, Header, RecordError, Recorder, StoredMesh};
+use haff_scene::{Due, MeshFile, OutputPlan, Records, Scene, Schedule, Times};
 use serde_json::json;
 
 use crate::events::Log;
@@ -44,7 +44,26 @@ pub struct Texts {
     pub resolved: String,
     pub seed: u64,
     pub springs: bool,
+    pub meshes: Vec<StoredMesh>,
     pub conserved_momentum: [bool; 3],
+}
+
+impl Texts {
+    /// Those of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        let stored = |MeshFile { corners, hash }: &MeshFile| StoredMesh {
+            hash: hash.clone(),
+            corners: corners.clone(),
+        };
+        Self {
+            title: scene.title.clone(),
+            resolved: scene.resolved.clone(),
+            seed: scene.seed,
+            springs: !scene.joints.springs.is_empty(),
+            meshes: scene.meshes.iter().map(stored).collect(),
+            conserved_momentum: scene.joints.conserved_momentum(&scene.system),
+        }
+    }
 }
 
 /// Why a simulation has stopped advancing.
@@ -100,6 +119,7 @@ impl Recording {
             compressed: output.compressed,
             present,
             conserved_momentum: texts.conserved_momentum,
+            meshes: texts.meshes,
             ..own
         };
         // Until a particle takes its place, a row is like the first one.

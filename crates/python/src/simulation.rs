@@ -149,8 +149,10 @@ impl Simulation {
         let own_threads = threads;
         let mut threads = Threads::new(own_threads);
         let files = Files::default();
+        let scene = source.scene(py, &files)?;
+        let texts = Texts::of(&scene);
         let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, output, .. } =
-            source.scene(py, &files)?;
+            scene;
         let properties = |body: &haff_engine::Body| {
             let class = &system.classes[body.class as usize];
             (class.radius, class.mass, body.species)
@@ -162,13 +164,6 @@ impl Simulation {
             (system.dimension.count(), system.domain, system.species.clone());
         let (sizes, grids) = (Sizes::of(&system), system.measure.profiles.clone());
         let springs = !joints.springs.is_empty();
-        let texts = Texts {
-            title: title.clone(),
-            resolved: resolved.clone(),
-            seed,
-            springs,
-            conserved_momentum: joints.conserved_momentum(&system),
-        };
         let described = Mutex::new(Described::of(&system, resolved, springs));
         let output = OutputPlan { file, ..output };
         let recording = Recording::create(&output, &system, texts, room, overwrite, events)

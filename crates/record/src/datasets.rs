@@ -12,8 +12,9 @@ use crate::{
     events::{Columns, has_tangential},
     growth::check_extents,
     handshake,
-    header::Header,
+    header::{EARLIER, Header, PISTONS},
     measured::{CorrelationTables, Profiles},
+    meshes,
     series::{SERIES_CHUNK, Series, Storage},
 };
 
@@ -470,16 +471,9 @@ fn write_parameters(root: &Group, header: &Header) -> hdf5::Result<()> {
     if !header.pistons.is_empty() {
         write_array(&group, PISTONS, &header.pistons)?;
     }
+    meshes::write(&group, &header.meshes)?;
     write_array(&group, "wall_names", &texts(&header.wall_names)?)
 }
-
-/// Name of the dataset with the walls that are pistons.
-pub(crate) const PISTONS: &str = "pistons";
-
-/// Names of the dataset with the summary of a run, and of that with its summary before it was resumed. They
-/// are equally long, so that one can replace the other in a group when the disk is full.
-pub(crate) const SUMMARY: &str = "summary";
-pub(crate) const EARLIER: &str = "earlier";
 
 fn texts(names: &[String]) -> hdf5::Result<Vec<VarLenUnicode>> {
     names.iter().map(|name| text(name)).collect()

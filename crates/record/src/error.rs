@@ -180,6 +180,8 @@ impl RecordError {
 
 /// The action of opening a file to read it: a missing file then has its own error.
 pub(crate) const OPEN: &str = "open the file";
+/// The action of reading it.
+pub(crate) const READ: &str = "read";
 
 /// The system's message without `(os error 28)`.
 fn plain(message: &str) -> String {

@@ -3,8 +3,18 @@
 use glam::DVec3;
 use haff_engine::{Body, Boundary, Class, EventColumn, Measure, SceneFeatures, Sizes, System};
 
+use crate::meshes::StoredMesh;
+
 /// Version of the scene schema and of the file layout that this crate writes and reads.
 pub const SCHEMA: i64 = 1;
+
+/// Name of the dataset with the walls that are pistons.
+pub(crate) const PISTONS: &str = "pistons";
+
+/// Names of the dataset with the summary of a run, and of that with its summary before it was resumed. They
+/// are equally long, so that one can replace the other in a group when the disk is full.
+pub(crate) const SUMMARY: &str = "summary";
+pub(crate) const EARLIER: &str = "earlier";
 
 /// Everything that is known about a run before it starts.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,6 +71,8 @@ pub struct Header {
     pub present: SceneFeatures,
     /// Profiles and correlations.
     pub measure: Measure,
+    /// Triangles of walls, each mesh once.
+    pub meshes: Vec<StoredMesh>,
 }
 
 impl Header {
@@ -74,8 +86,9 @@ impl Header {
         }
     }
 
-    /// The part of the header that follows from the system: everything except the texts, the seed and the
-    /// versions, which are empty or zero, with frames, observables and compression on and events off.
+    /// The part of the header that follows from the system: everything except the texts, the seed, the
+    /// versions and the meshes, which are empty or zero, with frames, observables and compression on and
+    /// events off.
     ///
     /// ```
     /// # use haff_engine::*;
@@ -127,6 +140,7 @@ impl Header {
             compressed: true,
             present: SceneFeatures::of(system),
             measure: system.measure.clone(),
+            meshes: Vec::new(),
         }
     }
 }

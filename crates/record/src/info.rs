@@ -10,16 +10,14 @@ use hdf5::{Dataset, Group, H5Type, types::VarLenUnicode};
 
 use crate::{
     checkpoint::newest,
-    datasets::{Datasets, EARLIER, Observables, PISTONS},
+    datasets::{Datasets, Observables},
     declared::{checked_text, elements, read_all, read_attribute, read_scalar},
-    error::{Context, RecordError},
+    error::{Context, READ, RecordError},
     events::Columns,
     file,
-    header::SCHEMA,
+    header::{EARLIER, PISTONS, SCHEMA},
     heap::check_texts,
 };
-
-pub(crate) const READ: &str = "read";
 
 /// Summary of a file.
 #[derive(Debug, Clone, PartialEq)]

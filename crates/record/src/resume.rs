@@ -7,11 +7,11 @@ use haff_engine::Checkpoint;
 use crate::{
     checkpoint::{Saved, Slot, newest},
     datasets::{Datasets, Observables, Trajectory},
-    error::{Context, RecordError},
+    error::{Context, READ, RecordError},
     events::Columns,
     file::{self, WritableFile},
     header::Header,
-    info::{Parameters, READ},
+    info::Parameters,
     measured::row_shapes,
     recorder::{Contents, Recorder},
     writer::Writer,

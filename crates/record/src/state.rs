@@ -7,9 +7,9 @@ use glam::DVec3;
 use crate::{
     datasets::Datasets,
     declared::read_all,
-    error::{Context, RecordError},
+    error::{Context, READ, RecordError},
     file,
-    info::{Parameters, READ, vectors},
+    info::{Parameters, vectors},
 };
 
 /// All particles at the last frame of a file.

@@ -11,11 +11,12 @@ use haff_engine::{Correlation, EventRecord, Frame, Quantity, Sample};
 use crate::{
     checkpoint::{Progress, Saved, SlotHeader},
     clock::text,
-    datasets::{Datasets, EARLIER, Observables, SUMMARY},
+    datasets::{Datasets, Observables},
     entered,
     error::{Context, RecordError},
     events::EVENT_CHUNK,
     file::WritableFile,
+    header::{EARLIER, SUMMARY},
     pack::Packer,
     queue::{CHECKPOINT_BYTES, Consumer, Message},
 };

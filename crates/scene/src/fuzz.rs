@@ -11,11 +11,11 @@ use crate::assemble::{CHANGEABLE, Limits, Start, assemble, assemble_changed};
 use crate::model::present::Present;
 use crate::model::scene::Scene;
 use crate::model::state::{State, StateSource};
-use crate::placement::random::{Purpose, Stream};
 use crate::source::error::{SceneError, SceneErrors};
 use crate::source::text;
 use glam::DVec3;
 use haff_engine::{Boundary, Domain, Instant, Wall};
+use haff_placement::random::{Purpose, Stream};
 use words::{CHANGES, KEYS, SCENES, VALUES};
 
 /// Few particles, so that one input takes little time.
@@ -191,9 +191,9 @@ fn check(case: u64) -> Result<bool, String> {
             let position: Vec<DVec3> = bodies.iter().map(|body| body.position).collect();
             let radius: Vec<f64> =
                 bodies.iter().map(|body| system.classes[body.class as usize].radius).collect();
-            let periods = crate::placement::grid::Periods::new(&system.domain);
+            let periods = haff_placement::grid::Periods::new(&system.domain);
             if let Some(pair) =
-                crate::placement::grid::overlaps(&position, &radius, periods, 1e-12, |_, _| false).first()
+                haff_placement::grid::overlaps(&position, &radius, periods, 1e-12, &|_, _| false).first()
             {
                 return Err(format!("accepted an overlap {pair:?}: {}", show()));
             }

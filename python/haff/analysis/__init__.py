@@ -34,6 +34,7 @@ from .packings import (
 )
 from .porosity import RadialPorosity, radial_porosity
 from .pressures import ReducedPressures, reduced_pressure, reduced_pressures
+from .profile_means import profile_means
 from .scattering import StaticStructure, static_structure
 from .statistics import Estimate, Mean, block_average, drawn_frames, mean
 from .structure import cluster_sizes, radial_distribution, structure_factor
@@ -85,6 +86,7 @@ __all__ = [
     "mean",
     "mixing",
     "pair_distributions",
+    "profile_means",
     "radial_distribution",
     "radial_porosity",
     "rattlers",

@@ -143,12 +143,17 @@ def _add_table(commands) -> None:
         "writes the impacts of a run as a table",
         "Writes the impacts of a run of few bodies as a table: names, velocities before and after, angles to the\n"
         "normal, e, impulse, the loss of energy, and what is missing in Carnot's theorem. It needs an event log.",
-        "examples:\n  haff table breakshot.h5\n  haff table breakshot.h5 -o impacts.tex",
+        "examples:\n  haff table breakshot.h5\n  haff table breakshot.h5 -o impacts.tex\n"
+        "  haff table breakshot.h5 --columns time,first,second,e --digits 4",
     )
     table.add_argument("-o", "--output", type=Path, metavar="OUT", help="file to write (default: standard output)")
     table.add_argument(
         "--to", metavar="FORMAT", help="markdown, csv or latex (default: by the ending of OUT, or markdown)"
     )
+    table.add_argument(
+        "--columns", metavar="NAMES", help="names separated by commas, in this order (default: all that are not 0)"
+    )
+    table.add_argument("--digits", type=int, metavar="N", help="digits of numbers, 1 to 17 (default: 6; of csv all)")
     table.add_argument("--overwrite", action="store_true", help="replaces an existing file")
     table.set_defaults(run=_table)
 
@@ -235,7 +240,9 @@ def _table(options: argparse.Namespace) -> int:
     from .table import write
 
     with reader.open(options.file) as file:
-        text = write(file, options.output, options.to, overwrite=options.overwrite)
+        text = write(
+            file, options.output, options.to, options.columns, digits=options.digits, overwrite=options.overwrite
+        )
     print(escaped(options.output) if text is None else text, end="\n" if text is None else "")
     return 0
 

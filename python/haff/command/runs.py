@@ -20,7 +20,7 @@ from ..common.notebook import table
 from ..common.output import replacing
 from ..common.temporary import TemporaryFolder
 from ..common.words import warn
-from ..errors import FileError
+from ..errors import FileError, SimulationError
 from ..scenes import ProposedName, Scene, explained, scene_path, settings, source
 from ..scenes.keywords import dotted
 from .call import call, failure
@@ -166,7 +166,7 @@ def run(
     file
         Output file, instead of the scene's ``output.file``. Relative paths count from the current directory. If neither
         names a file, none is written. A :func:`template` names none: its results are in a temporary file, which
-        :meth:`Result.save` keeps, and which is lost if the run does not end.
+        :meth:`Result.save` keeps.
     overwrite
         Replace the output file if there is one.
     threads
@@ -181,7 +181,7 @@ def run(
     SceneError
         The scene is invalid; ``error.problems`` lists all errors.
     SimulationError
-        The simulation cannot continue; data recorded before are in the file.
+        The simulation cannot continue; ``error.result`` has what was recorded before.
     FileError
         A file cannot be read or written, or exists already.
     KeyboardInterrupt
@@ -305,4 +305,7 @@ def _run(
         # The same errors, each with its place.
         with explained(*scene, ("file", "overwrite", "threads", "progress")):
             compiled().validate(source(*scene))
-    raise failure(done, report.get("error"))
+    error = failure(done, report.get("error"))
+    if isinstance(error, SimulationError) and report.get("file"):
+        error.result = Result(report, Path(report["file"]), folder)
+    raise error

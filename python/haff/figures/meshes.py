@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..files.layout import Array
-from ..files.mesh import read
+from ..files.mesh import Triangles
 from .solids import Form, cut, unit, vector
 
 __all__ = ["MOST_FACES", "mesh"]
@@ -28,9 +27,9 @@ _BOX = [(a, a | 1 << k) for a in range(8) for k in range(3) if not a >> k & 1]
 Faces = NDArray[np.int64]
 
 
-def mesh(given: dict[str, Any], side: str, shift: Array, folder: Path) -> Form:
+def mesh(given: dict[str, Any], side: str, shift: Array, triangles: Triangles) -> Form:
     """A mesh in its place, displaced by ``shift`` ``[3]`` [length]. Raises :class:`MeshFault`."""
-    vertices, faces, edges = _prepared(_Key(read(given["file"], folder, given.get("hash"))), side)
+    vertices, faces, edges = _prepared(_Key(triangles(given)), side)
     scale, point = float(given.get("scale", 1.0)), vector(given.get("point", ())) + shift
     turn = _rotation(*given["rotation"]) if "rotation" in given else np.eye(3)
     placed = scale * vertices @ turn.T + point
@@ -51,7 +50,7 @@ def _rotation(axis: list[float], angle: float) -> Array:
 
 
 class _Key:
-    """Triangles ``[F, 3, 3]`` that :func:`read` keeps, as a key: they are the same if they are one object."""
+    """Triangles ``[F, 3, 3]`` that are kept where they are read, as a key: they are the same if they are one object."""
 
     def __init__(self, corners: Array) -> None:
         self.corners = corners

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from ..files import joints, pistons
 from ..files.container import scaled
 from ..files.extent import Extent
 from ..files.layout import Array
-from ..files.mesh import MeshFault
+from ..files.mesh import MeshFault, Triangles, triangles_of
 from ..files.scene import mean_displacement, shape_of, shaped_walls
 from ..text import quoted
 from .meshes import mesh
@@ -87,7 +86,7 @@ def find(file: Recording, room: Extent, start: float, end: float | None = None, 
         wall = _present(file, wall, start)
         shift = displacement(file, wall, start) if end is None else np.array(mean_displacement(wall, start))
         try:
-            shape = build(wall, d, grown, shift, file.path.parent)
+            shape = build(wall, d, grown, shift, triangles_of(file))
         except MeshFault as fault:
             missing.append(f"the wall {quoted(wall.get('name', ''))} is not drawn: {fault}")
             continue
@@ -174,12 +173,12 @@ def _with(room: Extent, low: Array, high: Array, d: int) -> Extent:
     return room._replace(origin=origin, size=end - origin)
 
 
-def build(wall: dict[str, Any], d: int, room: Extent, shift: Array, folder: Path) -> Shape:
+def build(wall: dict[str, Any], d: int, room: Extent, shift: Array, triangles: Triangles) -> Shape:
     """A wall with a shape, displaced by ``shift`` ``[3]`` [length]. Raises :class:`MeshFault`."""
     kind = str(shape_of(wall))
     if kind == "mesh":
         side = wall["mesh"].get("side", "both")
-        return Shape(wall, side, mesh(wall["mesh"], side, shift, folder))
+        return Shape(wall, side, mesh(wall["mesh"], side, shift, triangles))
     if kind == "plane":
         side = "both" if "hole" in wall["plane"] or wall["plane"].get("two-sided") else "inside"
     else:

@@ -110,6 +110,19 @@ class Header(ReadOnly):
         return radius
 
     @cached_property
+    def meshes(self) -> dict[str, NDArray[np.float64]]:
+        """``[F, 3, 3]`` corners of the triangles of each mesh that the file has, by the ``mesh.hash`` of its walls.
+
+        They are in the coordinates of the mesh's own file; the wall says where they are placed.
+        """
+        group, found = "parameters/meshes", {}
+        for name in self.stored.members(group):
+            column = self.stored.column(f"{group}/{name}", (None, 3, 3), "f")
+            found[name] = column[:]
+            column.require(found[name], np.abs(found[name]) <= LARGEST, f"in [-{LARGEST:g}, {LARGEST:g}]")
+        return found
+
+    @cached_property
     def inertia(self) -> NDArray[np.float64] | None:
         """``[N]`` numbers q = I/(m R²) of the moments of inertia I; ``None`` if the scene has no spin.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +14,32 @@ from ..common.compiled import compiled
 from ..text import brief
 from .column import LARGEST
 
-__all__ = ["MeshFault", "read"]
+if TYPE_CHECKING:
+    from .header import Header
+
+__all__ = ["MeshFault", "Triangles", "read", "triangles_of"]
+
+Triangles = Callable[[dict[str, Any]], NDArray[np.float64]]
+"""Gives the triangles ``[F, 3, 3]`` of the key ``mesh`` of a wall, or raises :class:`MeshFault`."""
 
 
 class MeshFault(Exception):
     """The triangles of a file cannot be had."""
+
+
+def triangles_of(file: Header) -> Triangles:
+    """The triangles of meshes of a run: those of their own files, or, without these, those that its file has kept."""
+    return partial(_triangles, file)
+
+
+def _triangles(file: Header, given: dict[str, Any]) -> NDArray[np.float64]:
+    known = given.get("hash")
+    try:
+        return read(given["file"], file.path.parent, known)
+    except MeshFault:
+        if known not in file.meshes:
+            raise
+    return file.meshes[known]
 
 
 def read(name: str, folder: Path, known: str | None = None) -> NDArray[np.float64]:

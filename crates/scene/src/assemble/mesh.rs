@@ -47,25 +47,34 @@ impl Assembler<'_> {
             return None;
         }
         let place = self.place_of(Path::new(file));
-        let MeshFile { mut corners, hash } = match MeshFile::read(&place) {
-            Ok(file) => file,
-            Err(error) => {
-                self.unreadable |= matches!(error, MeshFileError::Unreadable(_));
-                self.document.report_why(&path, Why::stated(error.to_string()));
-                return None;
-            }
+        let is_set = self.document.is_overridden(&path);
+        let kept = || config.hash.as_deref().filter(|_| !is_set).and_then(|hash| self.states.mesh(hash));
+        let file = match (MeshFile::read(&place), &config.hash) {
+            (Ok(file), None) => file,
+            (Ok(file), Some(known)) if file.hash == *known => file,
+            (read, known) => match (kept(), known, read) {
+                (Some(corners), Some(known), _) => MeshFile { corners, hash: known.clone() },
+                (_, _, Ok(_)) => {
+                    let why = "has changed since the run began: it goes on only with the same mesh";
+                    self.document.report(&path, why);
+                    return None;
+                }
+                (_, _, Err(error)) => {
+                    self.unreadable |= matches!(error, MeshFileError::Unreadable(_));
+                    self.document.report_why(&path, Why::stated(error.to_string()));
+                    return None;
+                }
+            },
         };
-        if config.hash.as_ref().is_some_and(|known| *known != hash) {
-            let why = "has changed since the run began: it goes on only with the same mesh";
-            self.document.report(&path, why);
-            return None;
-        }
+        let hash = file.hash.clone();
         let side = side(Some(config.side.unwrap_or(SideConfig::Both)));
-        for corner in corners.iter_mut().flatten() {
-            *corner = turn * (*corner * scale) + point;
-        }
-        match Mesh::new(&corners, side) {
+        let placed: Vec<_> =
+            file.corners.iter().map(|corners| corners.map(|x| turn * (x * scale) + point)).collect();
+        match Mesh::new(&placed, side) {
             Ok(mesh) => {
+                if self.meshes.iter().all(|known| known.hash != hash) {
+                    self.meshes.push(file);
+                }
                 if let Some(walls) = &mut self.config.wall
                     && let Some(mesh) = walls.get_mut(k).and_then(|wall| wall.mesh.as_mut())
                 {

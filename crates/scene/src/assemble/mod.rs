@@ -54,6 +54,7 @@ use crate::model::present::Present;
 use crate::model::scene::Scene;
 use crate::model::state::StateSource;
 use crate::source::error::{Code, ErrorKind, SceneError, SceneErrors};
+use crate::source::mesh::MeshFile;
 use values::{at, storable};
 
 /// Bytes per particle that a run needs, to refuse systems that do not fit: the largest value measured, in a
@@ -119,6 +120,8 @@ struct Assembler<'a> {
     sticking: Vec<[u32; 2]>,
     sticking_to_walls: Vec<[u32; 2]>,
     unreadable: bool,
+    /// The meshes of walls, each once.
+    meshes: Vec<MeshFile>,
 }
 
 /// An error has been recorded in the document.
@@ -170,6 +173,7 @@ fn scene_of(
         sticking: Vec::new(),
         sticking_to_walls: Vec::new(),
         unreadable: false,
+        meshes: Vec::new(),
     };
     let result = if garbled { Err(Refused) } else { assembler.scene(name) };
     if let (Ok(scene), true) = (result, assembler.document.is_sound()) {
@@ -335,6 +339,7 @@ impl Assembler<'_> {
             box_limit,
             output,
             resolved: self.resolved()?,
+            meshes: std::mem::take(&mut self.meshes),
         })
     }
 

@@ -11,8 +11,8 @@ use super::names::Names;
 use super::sizes::RadiusLaw;
 use super::values::{at, item, mass, not_negative, positive, storable};
 use crate::config::{InitialConfig, PackingConfig, PositionsConfig};
-use crate::placement::packing::Region;
-use crate::placement::random::{Purpose, Stream};
+use haff_placement::random::{Purpose, Stream};
+use haff_placement::room::Region;
 
 /// Mass of a body, given or from its density.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use haff_engine::{Body, Boundary, Dimension, Domain, Flow, Inlet, Outlet, Supply, System, Wall, bounds};
+use haff_placement::random::{Purpose, Stream};
 
 use super::{
     Assembler,
@@ -9,10 +10,7 @@ use super::{
     particles::{MassLaw, Rows, SpeciesPlan},
     values::{at, item, not_negative, positive},
 };
-use crate::{
-    config::{FollowedConfig, InletConfig, OutletConfig, SpeciesConfig},
-    placement::random::{Purpose, Stream},
-};
+use crate::config::{FollowedConfig, InletConfig, OutletConfig, SpeciesConfig};
 
 /// Particles that come in at a rate.
 pub(super) struct Supplied {

@@ -15,16 +15,16 @@ use super::values::{at, item};
 use super::{Assembler, Refused};
 use crate::config::{OutputFileConfig, PackingConfig, PositionsConfig};
 use crate::model::state::State;
-use crate::placement::grid::{Periods, overlaps};
+use crate::placement::growth::{self, Company, packing_fraction};
 use crate::placement::import;
-use crate::placement::packing::{
-    Region, Room,
-    growth::{self, Company, packing_fraction},
+use haff_placement::grid::{Periods, overlaps};
+use haff_placement::random::{Purpose, Stream};
+use haff_placement::velocity::{Bath, equilibrate, maxwell};
+use haff_placement::{
     lattice::lattice,
     loose,
+    room::{Region, Room},
 };
-use crate::placement::random::{Purpose, Stream};
-use crate::placement::velocity::{Bath, equilibrate, maxwell};
 
 /// Overlaps named one by one; the rest are counted.
 const NAMED_OVERLAPS: usize = 20;
@@ -216,7 +216,7 @@ impl Assembler<'_> {
             let [i, j] = [i + first, j + first];
             rows.is_fixed(i) && rows.is_fixed(j) && rows.bodies[i].velocity == rows.bodies[j].velocity
         };
-        let pairs = overlaps(&position, &radius, Periods::aligned(domain), TOLERANCE, are_glued);
+        let pairs = overlaps(&position, &radius, Periods::aligned(domain), TOLERANCE, &are_glued);
         for (k, pair) in pairs.iter().enumerate().take(NAMED_OVERLAPS) {
             let (i, j) = (pair.i + first, pair.j + first);
             let more = match pairs.len().saturating_sub(NAMED_OVERLAPS) {
@@ -272,7 +272,8 @@ impl Assembler<'_> {
         let path = at(["initial", "positions"]);
         let more_room = more_room(self.document.get_is_some(&at(["domain", "packing_fraction"])));
         let sites = if packing == PackingConfig::Random {
-            match loose::random(&room, &radius, self.insertion(rows)) {
+            let found = loose::random(&room, &radius, &self.insertion(rows));
+            match found {
                 Ok(sites) => sites,
                 Err(overlap) => {
                     let text = format!(

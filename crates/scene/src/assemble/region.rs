@@ -6,7 +6,7 @@ use haff_surfaces::{Revolution, Side, Sphere};
 use super::Assembler;
 use super::values::item;
 use crate::config::{BallConfig, BarrelConfig, RegionConfig};
-use crate::placement::packing::Region;
+use haff_placement::room::Region;
 
 impl Assembler<'_> {
     /// The region of species `k`, if it has one and it is valid.

@@ -1,13 +1,12 @@
 //! Laws of the radii of a species: their parameters, ranges and draws.
 
+use haff_placement::random::Stream;
+
 use super::{
     Assembler,
     values::{item, positive},
 };
-use crate::{
-    config::{RadiusConfig, RadiusDistribution, SizeTableConfig, SizesConfig},
-    placement::random::Stream,
-};
+use crate::config::{RadiusConfig, RadiusDistribution, SizeTableConfig, SizesConfig};
 
 /// Radii of a species.
 #[derive(Debug, Clone, PartialEq)]
@@ -360,7 +359,7 @@ fn read_sizes(text: &str) -> Result<SizesConfig, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::placement::random::Purpose;
+    use haff_placement::random::Purpose;
 
     /// Mean and standard deviation of many draws.
     fn moments(law: &RadiusLaw) -> [f64; 2] {

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 use haff_engine::{Dimension, Spin, bounds};
 use haff_mechanics::{Roughness, rough};
+use haff_placement::random::{Purpose, Stream};
 
 use super::{
     Assembler,
@@ -12,11 +13,7 @@ use super::{
     particles::{Rows, SpeciesPlan},
     values::{at, item, not_negative},
 };
-use crate::{
-    config::document::Path,
-    model::state::State,
-    placement::random::{Purpose, Stream},
-};
+use crate::{config::document::Path, model::state::State};
 
 /// Why a key of spins is refused where nothing turns.
 const WITHOUT_SPIN: &str = "has no effect without spin: give contact.tangential_restitution above −1, or \

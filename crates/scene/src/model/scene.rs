@@ -8,6 +8,8 @@ use haff_engine::{Compressed, EventColumn, Options, System, critical_length, sig
 use haff_linkage::Joints;
 use haff_mechanics::Restitution;
 
+use crate::source::mesh::MeshFile;
+
 /// Times of records, beside the start and the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Schedule {
@@ -223,6 +225,8 @@ pub struct Scene {
     pub collision_rate: f64,
     /// Why that theory does not apply to the scene.
     pub rate_unknown: Option<&'static str>,
+    /// The triangles of the meshes of walls, as their files have them.
+    pub meshes: Vec<MeshFile>,
 }
 
 impl Scene {

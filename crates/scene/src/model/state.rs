@@ -55,6 +55,12 @@ pub trait StateSource {
     ) {
     }
 
+    /// The triangles of the mesh with this hash, of a run that goes on where the file of the mesh is not;
+    /// `None` if they are not known.
+    fn mesh(&self, _hash: &str) -> Option<Vec<[DVec3; 3]>> {
+        None
+    }
+
     /// The text of the table of sizes at `path`, relative to the current directory.
     ///
     /// # Errors

@@ -1,20 +1,15 @@
 /*!
-Where particles are at the start, and how fast: random numbers, packings, velocities, states of other
-programs.
+Starts that need more than a packing: growth to a dense one, states of other programs.
 
-*What is here.* [`random`] has a stream of random numbers for each purpose, species and particle, [`packing`]
-lattices and random packings, [`velocity`] velocities, [`grid`] tests of gaps, [`import`] which files are
-read.
+*What is here.* [`growth`] makes dense packings by the engine itself, from a loose one of `haff_placement`,
+which also has lattices, velocities and random numbers; [`import`] says which files are read.
 
-*What to change here.* A new packing or distribution.
+*What to change here.* A start that needs the engine, or a file.
 
 *May import* `source`, `config` and `model`.
 
-*Begin with* [`packing`].
+*Begin with* [`growth`].
 */
 
-pub(crate) mod grid;
+pub(crate) mod growth;
 pub mod import;
-pub(crate) mod packing;
-pub(crate) mod random;
-pub(crate) mod velocity;

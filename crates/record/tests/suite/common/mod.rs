@@ -82,6 +82,10 @@ pub fn header(particles: usize) -> Header {
         observables: true,
         events: EventColumn::ALL.to_vec(),
         compressed: true,
+        meshes: vec![haff_record::StoredMesh {
+            hash: "0123456789abcdef".to_owned(),
+            corners: vec![[DVec3::ZERO, DVec3::X, DVec3::Y], [DVec3::X, DVec3::Z, DVec3::splat(0.1)]],
+        }],
         present: SceneFeatures {
             springs: false,
             volume: false,

@@ -14,17 +14,18 @@ const FAR: f64 = (1 << 30) as f64;
 
 /// Periods of the box, `None` along axes that are not periodic.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Periods([Option<f64>; 3]);
+pub struct Periods([Option<f64>; 3]);
 
 impl Periods {
-    pub(crate) fn new(domain: &Domain) -> Self {
+    /// The edges of the periodic axes of a box.
+    pub fn new(domain: &Domain) -> Self {
         Self(std::array::from_fn(|axis| {
             (domain.boundary[axis] == Boundary::Periodic).then_some(domain.size[axis])
         }))
     }
 
     /// Periods for a search of overlaps: without that along the gradient if images across it are displaced.
-    pub(crate) fn aligned(domain: &Domain) -> Self {
+    pub fn aligned(domain: &Domain) -> Self {
         let mut periods = Self::new(domain);
         if let Some(shear) = domain.shear.filter(|shear| shear.offset != 0.0) {
             periods.0[shear.gradient] = None;
@@ -33,7 +34,7 @@ impl Periods {
     }
 
     /// The shortest image of the difference `d` of two positions in the box.
-    pub(crate) fn nearest(&self, mut d: DVec3) -> DVec3 {
+    pub fn nearest(&self, mut d: DVec3) -> DVec3 {
         for axis in 0..3 {
             if let Some(length) = self.0[axis] {
                 let x = &mut d[axis];
@@ -50,7 +51,7 @@ impl Periods {
     }
 
     /// Wraps a position into the box along periodic axes.
-    pub(crate) fn wrap(&self, mut position: DVec3) -> DVec3 {
+    pub fn wrap(&self, mut position: DVec3) -> DVec3 {
         for axis in 0..3 {
             if let Some(length) = self.0[axis] {
                 let x = position[axis];
@@ -77,7 +78,7 @@ struct Level {
 /// Particles in cells. Each particle has a level radius, at least its own radius: [`Grid::visit`] finds all
 /// particles whose level is at least that of the query and whose level radius, with the query's, spans the
 /// distance.
-pub(crate) struct Grid {
+pub struct Grid {
     periods: Periods,
     levels: Vec<Level>,
     members: Vec<Member>,
@@ -95,7 +96,7 @@ struct Member {
 impl Grid {
     /// An empty grid for particles with these level radii; pairs closer than the sum of their level radii
     /// plus `skin` will be found.
-    pub(crate) fn new(level_radius: &[f64], skin: f64, periods: Periods) -> Self {
+    pub fn new(level_radius: &[f64], skin: f64, periods: Periods) -> Self {
         let mut octaves: BTreeMap<u64, f64> = BTreeMap::new();
         for &radius in level_radius {
             let largest = octaves.entry(octave(radius)).or_insert(radius);
@@ -130,12 +131,12 @@ impl Grid {
     }
 
     /// Removes all particles.
-    pub(crate) fn clear(&mut self) {
+    pub fn clear(&mut self) {
         self.heads.fill(NONE);
     }
 
     /// Inserts particle `index` at `position`.
-    pub(crate) fn insert(&mut self, index: usize, position: DVec3) {
+    pub fn insert(&mut self, index: usize, position: DVec3) {
         let level = self.members[index].level;
         let cell = self.cell_of(&self.levels[level as usize], position);
         let bucket = self.bucket(level, cell);
@@ -145,7 +146,7 @@ impl Grid {
 
     /// Calls `found` for every particle near `position` in the level of `level_radius` and above, until it
     /// returns `false`. The order depends on the order of insertion only.
-    pub(crate) fn visit(&self, position: DVec3, level_radius: f64, mut found: impl FnMut(usize) -> bool) {
+    pub fn visit(&self, position: DVec3, level_radius: f64, mut found: impl FnMut(usize) -> bool) {
         let key = octave(level_radius);
         for (k, level) in self.levels.iter().enumerate() {
             if octave(level.radius) < key {
@@ -208,21 +209,23 @@ fn octave(radius: f64) -> u64 {
 
 /// Two particles that overlap.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Overlap {
-    pub(crate) i: usize,
-    pub(crate) j: usize,
+pub struct Overlap {
+    /// The first of them, by its index.
+    pub i: usize,
+    /// The second.
+    pub j: usize,
     /// Contact distance less distance [length].
-    pub(crate) depth: f64,
+    pub depth: f64,
 }
 
 /// Pairs that overlap by more than `tolerance` of their contact distance, ordered by (i, j): at most a few
 /// for each particle. Pairs for which `skip` is true are left out.
-pub(crate) fn overlaps(
+pub fn overlaps(
     position: &[DVec3],
     radius: &[f64],
     periods: Periods,
     tolerance: f64,
-    skip: impl Fn(usize, usize) -> bool + Sync,
+    skip: &(dyn Fn(usize, usize) -> bool + Sync),
 ) -> Vec<Overlap> {
     let mut grid = Grid::new(radius, 0.0, periods);
     for (k, &p) in position.iter().enumerate() {
@@ -255,7 +258,7 @@ pub(crate) fn overlaps(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::placement::random::{Purpose, Stream};
+    use crate::random::{Purpose, Stream};
     use haff_engine::Boundary::{Open, Periodic, Wall};
 
     #[test]
@@ -291,7 +294,7 @@ mod tests {
             if most.iter().any(|&m| m > 3) {
                 continue;
             }
-            let found: Vec<_> = overlaps(&position, &radius, periods, 0.0, |_, _| false);
+            let found: Vec<_> = overlaps(&position, &radius, periods, 0.0, &|_, _| false);
             let found: Vec<_> = found.iter().map(|pair| (pair.i, pair.j)).collect();
             assert_eq!(found, expected, "case {case}");
         }

@@ -8,8 +8,8 @@
 use glam::DVec3;
 use haff_engine::Boundary;
 
-use super::{Obstacles, Room};
-use crate::placement::random::{Purpose, Stream};
+use crate::random::{Purpose, Stream};
+use crate::room::{Obstacles, Room};
 
 /// Planes of grid points along one axis.
 #[derive(Debug, Clone, Copy)]
@@ -129,7 +129,7 @@ fn best_planes(axes: &[Axis; 3], count: usize, dimensions: usize) -> Option<[usi
 ///
 /// # Errors
 /// The largest number of sites that could be found.
-pub(crate) fn lattice(room: &Room, count: usize, radius: f64, seed: u64) -> Result<Vec<DVec3>, usize> {
+pub fn lattice(room: &Room, count: usize, radius: f64, seed: u64) -> Result<Vec<DVec3>, usize> {
     let dimensions = room.dimension.count();
     let mut axes = [Axis { start: 0.0, length: 0.0, periodic: false }; 3];
     for (k, axis) in axes.iter_mut().enumerate().take(dimensions) {

@@ -8,9 +8,9 @@ use glam::DVec3;
 use haff_engine::{Boundary, Instant};
 use rayon::prelude::*;
 
-use super::{Obstacles, Room};
-use crate::placement::grid::{Grid, Periods, overlaps};
-use crate::placement::random::Stream;
+use crate::grid::{Grid, Periods, overlaps};
+use crate::random::Stream;
+use crate::room::{Obstacles, Room};
 
 /// Insertion attempts for each particle before growth, in dilute and in dense boxes. Insertion saturates at a
 /// packing fraction of 0.38 (2D: 0.55), and long before that one push costs less than the attempts that it
@@ -34,11 +34,7 @@ const MARGIN: f64 = 1e-4;
 ///
 /// # Errors
 /// The largest remaining overlap [length].
-pub(crate) fn random(
-    room: &Room,
-    radius: &[f64],
-    stream: impl Fn(usize) -> Stream,
-) -> Result<Vec<DVec3>, f64> {
+pub fn random(room: &Room, radius: &[f64], stream: &dyn Fn(usize) -> Stream) -> Result<Vec<DVec3>, f64> {
     let n = radius.len();
     let largest = radius.iter().copied().fold(0.0, f64::max);
     let periods = Periods::new(room.domain);
@@ -136,7 +132,7 @@ fn push_apart(room: &Room, radius: &[f64], mut position: Vec<DVec3>) -> Result<V
                 position[body.row as usize] = body.position;
             }
             position.truncate(movable);
-            let strict = overlaps(&position, radius, periods, 0.0, |_, _| false);
+            let strict = overlaps(&position, radius, periods, 0.0, &|_, _| false);
             debug_assert!(strict.is_empty(), "{strict:?}");
             return if strict.is_empty() { Ok(position) } else { Err(strict[0].depth) };
         }

@@ -1,19 +1,15 @@
 //! Initial positions of the species: lattices and random packings that avoid walls, planes and the particles
 //! placed by hand.
 
-pub(crate) mod growth;
-pub(crate) mod lattice;
-pub(crate) mod loose;
-
 use glam::DVec3;
 use haff_engine::{Boundary, Dimension, Domain, Instant, Wall};
 use haff_mechanics::Surface;
 
-use crate::placement::grid::{Grid, Periods};
+use crate::grid::{Grid, Periods};
 
 /// Where the particles of a species are.
 #[derive(Debug)]
-pub(crate) enum Region {
+pub enum Region {
     /// Between two corners [length].
     Cuboid {
         /// The lower one.
@@ -27,7 +23,7 @@ pub(crate) enum Region {
 
 impl Region {
     /// Signed distance of a position from its boundary [length], outside at most that.
-    fn distance(&self, position: DVec3) -> f64 {
+    pub(crate) fn distance(&self, position: DVec3) -> f64 {
         match self {
             Self::Cuboid { low, high } => (position - *low).min(*high - position).min_element(),
             Self::Inside(surface) => surface.distance(position),
@@ -35,7 +31,7 @@ impl Region {
     }
 
     /// The direction in which the distance grows.
-    fn normal(&self, position: DVec3) -> DVec3 {
+    pub(crate) fn normal(&self, position: DVec3) -> DVec3 {
         match self {
             Self::Cuboid { low, high } => {
                 let (below, above) = (position - *low, *high - position);
@@ -50,7 +46,7 @@ impl Region {
     }
 
     /// Lower and upper corner of a box around it; infinite if it has no end.
-    fn bounds(&self) -> (DVec3, DVec3) {
+    pub(crate) fn bounds(&self) -> (DVec3, DVec3) {
         match self {
             Self::Cuboid { low, high } => (*low, *high),
             Self::Inside(surface) => {
@@ -62,21 +58,24 @@ impl Region {
 }
 
 /// The room and the obstacles of a packing.
-pub(crate) struct Room<'a> {
-    pub(crate) dimension: Dimension,
-    pub(crate) domain: &'a Domain,
+#[derive(Debug)]
+pub struct Room<'a> {
+    /// 2 or 3.
+    pub dimension: Dimension,
+    /// The box.
+    pub domain: &'a Domain,
     /// Planes beside the faces of the domain.
-    pub(crate) planes: &'a [Wall],
+    pub planes: &'a [Wall],
     /// Centres and radii of particles that are already there.
-    pub(crate) obstacles: &'a [(DVec3, f64)],
+    pub obstacles: &'a [(DVec3, f64)],
     /// The region of each particle, if it has one; empty if none has.
-    pub(crate) regions: &'a [Option<&'a Region>],
+    pub regions: &'a [Option<&'a Region>],
 }
 
 impl Room<'_> {
     /// Range of the centres of spheres of this radius along an axis, or `None` if none fits. Along open axes,
     /// which have no faces, packings are placed between placeholder faces.
-    fn span(&self, axis: usize, radius: f64) -> Option<[f64; 2]> {
+    pub(crate) fn span(&self, axis: usize, radius: f64) -> Option<[f64; 2]> {
         let length = self.domain.size[axis];
         if axis >= self.dimension.count() {
             Some([0.0, 0.0])
@@ -88,12 +87,12 @@ impl Room<'_> {
     }
 
     /// The region of a particle.
-    fn region(&self, row: usize) -> Option<&Region> {
+    pub(crate) fn region(&self, row: usize) -> Option<&Region> {
         self.regions.get(row).copied().flatten()
     }
 
     /// [`Self::span`] of a particle, within its region.
-    fn span_of(&self, axis: usize, row: usize, radius: f64) -> Option<[f64; 2]> {
+    pub(crate) fn span_of(&self, axis: usize, row: usize, radius: f64) -> Option<[f64; 2]> {
         let Some(region) = self.region(row).filter(|_| axis < self.dimension.count()) else {
             return self.span(axis, radius);
         };
@@ -106,13 +105,13 @@ impl Room<'_> {
         (low <= high).then_some([low, high])
     }
 
-    fn behind_a_plane(&self, position: DVec3, radius: f64) -> bool {
+    pub(crate) fn behind_a_plane(&self, position: DVec3, radius: f64) -> bool {
         self.planes.iter().any(|plane| plane.distance(position, Instant::ZERO) < radius)
     }
 }
 
 /// The obstacles of a region in a grid for queries of particles up to a radius.
-struct Obstacles<'a> {
+pub(crate) struct Obstacles<'a> {
     grid: Grid,
     all: &'a [(DVec3, f64)],
     periods: Periods,
@@ -121,7 +120,7 @@ struct Obstacles<'a> {
 
 impl<'a> Obstacles<'a> {
     /// `radius`: the largest of any query.
-    fn new(room: &Room<'a>, radius: f64) -> Self {
+    pub(crate) fn new(room: &Room<'a>, radius: f64) -> Self {
         let levels: Vec<f64> = room.obstacles.iter().map(|o| o.1.max(radius)).collect();
         let periods = Periods::new(room.domain);
         let mut grid = Grid::new(&levels, 0.0, periods);
@@ -131,7 +130,7 @@ impl<'a> Obstacles<'a> {
         Self { grid, all: room.obstacles, periods, level_radius: radius }
     }
 
-    fn blocks(&self, position: DVec3, radius: f64) -> bool {
+    pub(crate) fn blocks(&self, position: DVec3, radius: f64) -> bool {
         if self.all.is_empty() {
             return false;
         }

@@ -21,11 +21,14 @@ use haff_engine::{
 };
 use haff_mechanics::Restitution;
 
-use super::{Room, loose};
 use crate::StateSource;
 use crate::model::scene::{GrowthEnd, GrowthRun};
-use crate::placement::random::Stream;
-use crate::placement::velocity::{Bath, equilibrate, maxwell};
+use haff_placement::{
+    loose,
+    random::Stream,
+    room::Room,
+    velocity::{Bath, equilibrate, maxwell},
+};
 
 /// Growth of the largest diameter in a unit of time by the thermal speed, one after the other.
 const RATES: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
@@ -85,7 +88,7 @@ pub(crate) fn dense(
         larger.size[axis] *= scale;
     }
     let room = Room { dimension, domain: &larger, planes: &[], obstacles: &[], regions: &[] };
-    let position = loose::random(&room, radius, stream).map_err(|_| Jammed { packing_fraction: 0.0 })?;
+    let position = loose::random(&room, radius, &stream).map_err(|_| Jammed { packing_fraction: 0.0 })?;
     if scale == 1.0 {
         return Ok(position);
     }

@@ -3,18 +3,19 @@
 use glam::DVec3;
 use haff_engine::Dimension;
 
-use crate::placement::random::{Purpose, Stream};
+use crate::random::{Purpose, Stream};
 
 /// Particles that share a temperature.
-pub(crate) struct Bath {
+#[derive(Debug)]
+pub struct Bath {
     /// T = Σ m|v|²/(dN) at zero total momentum [energy].
-    pub(crate) temperature: f64,
+    pub temperature: f64,
     /// Rows of its particles, all of finite mass.
-    pub(crate) members: Vec<usize>,
+    pub members: Vec<usize>,
 }
 
 /// A velocity with independent normal components of variance T/m.
-pub(crate) fn maxwell(seed: u64, species: &str, index: usize, variance: f64, dimension: Dimension) -> DVec3 {
+pub fn maxwell(seed: u64, species: &str, index: usize, variance: f64, dimension: Dimension) -> DVec3 {
     let mut random = Stream::new(seed, Purpose::Velocity, species, index);
     let [x, y] = random.normal_pair();
     let z = match dimension {
@@ -29,7 +30,7 @@ pub(crate) fn maxwell(seed: u64, species: &str, index: usize, variance: f64, dim
 /// The order is shift, then rescale: with one temperature for all, one round makes both exact. With several
 /// temperatures each bath's factor changes the momentum; then rounds repeat until the momentum
 /// stays zero. A single particle keeps its direction: its temperature is read as m|v|²/d.
-pub(crate) fn equilibrate(velocity: &mut [DVec3], mass: &[f64], baths: &[Bath], dimension: Dimension) {
+pub fn equilibrate(velocity: &mut [DVec3], mass: &[f64], baths: &[Bath], dimension: Dimension) {
     let members = || baths.iter().flat_map(|bath| bath.members.iter().copied());
     let total_mass: f64 = members().map(|i| mass[i]).sum();
     let several = members().nth(1).is_some();

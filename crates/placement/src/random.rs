@@ -6,23 +6,30 @@ use rand_pcg::Pcg64Mcg;
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 /// The random numbers of one particle for one purpose.
-pub(crate) struct Stream(Pcg64Mcg);
+#[derive(Debug)]
+pub struct Stream(Pcg64Mcg);
 
 /// Purposes of random numbers. The discriminants are part of the meaning of a seed: never reuse one.
 #[derive(Debug, Clone, Copy)]
 #[repr(u64)]
-pub(crate) enum Purpose {
+pub enum Purpose {
+    /// Radii of a distribution.
     Radius = 1,
+    /// Velocities.
     Velocity = 2,
+    /// Places of a random packing.
     Insertion = 3,
+    /// Which sites of a lattice stay empty.
     Vacancy = 4,
+    /// The order of species on a lattice.
     Mixing = 5,
+    /// Angular velocities.
     Spin = 6,
 }
 
 impl Stream {
     /// The stream of particle `index` of the species `name`.
-    pub(crate) fn new(seed: u64, purpose: Purpose, name: &str, index: usize) -> Self {
+    pub fn new(seed: u64, purpose: Purpose, name: &str, index: usize) -> Self {
         let mut key = [0_u8; 24];
         key[..8].copy_from_slice(&seed.to_le_bytes());
         key[8..16].copy_from_slice(&(purpose as u64).to_le_bytes());
@@ -31,23 +38,23 @@ impl Stream {
     }
 
     /// Uniform in [0, 1): 53 random bits.
-    pub(crate) fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * (0.5 / (1_u64 << 52) as f64)
     }
 
     /// Uniform in [a, b].
-    pub(crate) fn between(&mut self, a: f64, b: f64) -> f64 {
+    pub fn between(&mut self, a: f64, b: f64) -> f64 {
         (a + (b - a) * self.unit()).clamp(a, b)
     }
 
     /// Uniform in 0..n, by multiplication; the bias of n/2^64 is far below anything measurable here.
-    pub(crate) fn below(&mut self, n: usize) -> usize {
+    pub fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.0.next_u64()) * n as u128) >> 64) as usize
     }
 
     /// Two independent standard normal deviates: Marsaglia's polar form of Box–Muller. The logarithm is
     /// `libm`'s and the square root is exact, so that all machines draw the same bits.
-    pub(crate) fn normal_pair(&mut self) -> [f64; 2] {
+    pub fn normal_pair(&mut self) -> [f64; 2] {
         loop {
             let (x, y) = (2.0 * self.unit() - 1.0, 2.0 * self.unit() - 1.0);
             let s = x * x + y * y;
@@ -60,7 +67,7 @@ impl Stream {
 
     /// Gamma deviate of this shape, with scale 1: Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363
     /// (2000).
-    pub(crate) fn gamma(&mut self, shape: f64) -> f64 {
+    pub fn gamma(&mut self, shape: f64) -> f64 {
         // For a shape below 1 from that of shape + 1.
         let more = if shape < 1.0 { 1.0 } else { 0.0 };
         let d = shape + more - 1.0 / 3.0;
@@ -79,7 +86,7 @@ impl Stream {
 
     /// Normal deviate restricted to [low, high], by rejection against the highest density there.
     /// `low` and `high` are in units of the standard deviation about the mean.
-    pub(crate) fn truncated_normal(&mut self, low: f64, high: f64) -> f64 {
+    pub fn truncated_normal(&mut self, low: f64, high: f64) -> f64 {
         let mode = 0.0_f64.clamp(low, high);
         // Beyond this the density is below e^-36 of its maximum: it contributes nothing.
         let (low, high) = (low.max(mode - 8.5), high.min(mode + 8.5));
