@@ -59,6 +59,16 @@ def test_the_stated_error_is_the_scatter_of_independent_runs(scene, name, tmp_pa
     assert np.all(of.observable_start < 0.5 * scene["run"]["until"])
 
 
+def test_what_is_computed_from_means_has_errors():
+    noise = np.random.default_rng(3).normal(size=(2, 4000))
+    a, b = (haff.analysis.mean(level + series) for level, series in zip((2.0, 5.0), noise))
+    ratio = a.ufloat / b.ufloat
+    expected = a.mean / b.mean * np.hypot(a.error / a.mean, b.error / b.mean)
+    assert ratio.nominal_value == a.mean / b.mean and ratio.std_dev == pytest.approx(expected)
+    whole = haff.analysis.block_average(noise[0]).ufloat
+    assert (whole - whole).std_dev == 0
+
+
 def test_a_run_that_drifts_is_called_so(tmp_path):
     cooling = GAS | {"contact": {"restitution": 0.8}, "run": {"until": 50.0}}
     cooling["output"] = {"frames": False, "observables": 0.5}

@@ -139,6 +139,17 @@ def test_changes_are_events_of_the_file_also_if_python_takes_them(tmp_path):
         assert len(later) == len(kinds) - kinds.index("change") - 2
 
 
+def test_info_counts_places_that_were_taken(tmp_path, command):
+    """Not those that are kept for particles which have not come."""
+    path, pins = tmp_path / "a.h5", len(BOARD["particle"])
+    with haff.Simulation(BOARD, file=path, room=50) as live:
+        for added in range(2):
+            live.add([3.0, 8.0 - added, 0.0], species="ball", radius=0.1, mass=1.0)
+    last = json.loads(command("info", path, "--json").stdout)
+    assert last["particles"] == pins + 2
+    assert dict(last["species"])["ball"] == 2 and sum(count for _, count in last["species"]) == pins + 2
+
+
 def test_a_file_without_room_takes_no_particle(tmp_path):
     with haff.Simulation(BOARD, file=tmp_path / "a.h5", room=1) as live:
         live.add([3.0, 8.0, 0.0], species="ball", radius=0.1, mass=1.0)

@@ -119,6 +119,7 @@ impl Recording {
             compressed: output.compressed,
             present,
             conserved_momentum: texts.conserved_momentum,
+            used: count as usize,
             meshes: texts.meshes,
             ..own
         };

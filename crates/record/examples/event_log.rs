@@ -97,6 +97,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         pistons: Vec::new(),
         frames: false,
         observables: false,
+        used: particles,
         meshes: Vec::new(),
         events: columns,
         compressed: !uncompressed,

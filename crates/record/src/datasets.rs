@@ -9,6 +9,7 @@ use hdf5::{
 use crate::{
     checkpoint::{Saved, Slot, Tail},
     clock::{Clock, text, write_text_attribute},
+    entered,
     events::{Columns, has_tangential},
     growth::check_extents,
     handshake,
@@ -333,6 +334,7 @@ impl Datasets {
         write_array(&all, "mass", &header.mass)?;
         write_array(&all, "radius", &header.radius)?;
         let spin = header.present.spin;
+        entered::begin(&all, header.used)?;
         if spin {
             write_array(&all, "inertia", &header.inertia)?;
         }

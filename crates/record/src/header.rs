@@ -71,6 +71,8 @@ pub struct Header {
     pub present: SceneFeatures,
     /// Profiles and correlations.
     pub measure: Measure,
+    /// How many rows have a particle from the start on; the others are kept for those that are added later.
+    pub used: usize,
     /// Triangles of walls, each mesh once.
     pub meshes: Vec<StoredMesh>,
 }
@@ -140,6 +142,7 @@ impl Header {
             compressed: true,
             present: SceneFeatures::of(system),
             measure: system.measure.clone(),
+            used: system.bodies.len(),
             meshes: Vec::new(),
         }
     }

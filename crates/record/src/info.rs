@@ -12,6 +12,7 @@ use crate::{
     checkpoint::newest,
     datasets::{Datasets, Observables},
     declared::{checked_text, elements, read_all, read_attribute, read_scalar},
+    entered,
     error::{Context, READ, RecordError},
     events::Columns,
     file,
@@ -317,10 +318,11 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         }
         _ => None,
     };
-    let species: Vec<u32> =
-        file.dataset("particles/all/species").and_then(|dataset| read_all(&dataset)).doing(path, READ)?;
+    let species = file.dataset("particles/all/species").doing(path, READ)?;
+    let used = entered::used(&species).doing(path, READ)?;
+    let species: Vec<u32> = read_all(&species).doing(path, READ)?;
     let mut counts = vec![0_u64; parameters.species_names.len()];
-    for index in species {
+    for index in species.into_iter().take(used) {
         if let Some(count) = counts.get_mut(index as usize) {
             *count += 1;
         }
@@ -343,7 +345,7 @@ fn read_info(file: &hdf5::File, parameters: Parameters, path: &Path) -> Result<I
         schema: parameters.schema,
         trajectory_version: parameters.trajectory_version,
         dimension: parameters.dimension,
-        particles: parameters.particles as u64,
+        particles: used as u64,
         species: parameters.species_names.into_iter().zip(counts).collect(),
         walls: parameters.wall_names,
         box_size: parameters.box_size,

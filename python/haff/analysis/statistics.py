@@ -14,6 +14,8 @@ from ..text import quoted
 from .checked import checked
 
 if TYPE_CHECKING:
+    from uncertainties import Variable
+
     from ..files.frames import Frame
     from ..files.recording import Recording
 
@@ -23,6 +25,11 @@ class Estimate(NamedTuple):
 
     mean: float
     error: float
+
+    @property
+    def ufloat(self) -> Variable:
+        """The same as a number of the package ``uncertainties``: what is computed from it has an error, too."""
+        return _ufloat(self.mean, self.error)
 
     def z(self, expected: float, uncertainty: float = 0.0) -> float:
         """(mean − expected) in standard errors; ``uncertainty`` of the expectation is added in quadrature."""
@@ -47,9 +54,20 @@ class Mean(NamedTuple):
     drifts: bool
     """Whether the series is not stationary: the mean then depends on the length of the run."""
 
+    @property
+    def ufloat(self) -> Variable:
+        """The same as a number of the package ``uncertainties``: what is computed from it has an error, too."""
+        return _ufloat(self.mean, self.error)
+
     def z(self, expected: float, uncertainty: float = 0.0) -> float:
         """(mean − expected) in standard errors; ``uncertainty`` of the expectation is added in quadrature."""
         return Estimate(self.mean, self.error).z(expected, uncertainty)
+
+
+def _ufloat(mean: float, error: float) -> Variable:
+    from uncertainties import ufloat
+
+    return ufloat(mean, error)
 
 
 def mean(values: ArrayLike) -> Mean:

@@ -82,6 +82,7 @@ pub fn header(particles: usize) -> Header {
         observables: true,
         events: EventColumn::ALL.to_vec(),
         compressed: true,
+        used: particles,
         meshes: vec![haff_record::StoredMesh {
             hash: "0123456789abcdef".to_owned(),
             corners: vec![[DVec3::ZERO, DVec3::X, DVec3::Y], [DVec3::X, DVec3::Z, DVec3::splat(0.1)]],
