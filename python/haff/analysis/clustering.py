@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..common.arguments import positive
+from ..errors import NotApplicableError
 from ..files.layout import computing
 from .checked import checked
 from .pairs import require_room
@@ -46,13 +47,15 @@ def clusters(frame: Frame, distance: float = 1.1) -> Clusters:
     ArgumentError
         ``distance`` is not positive.
     NotApplicableError
-        A periodic edge is not longer than twice the longest link.
+        A periodic edge is not longer than twice the longest link; there is no particle.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     distance = positive("distance", distance)
     radius = frame.radius
+    if not len(radius):
+        raise NotApplicableError(f"no particle is there at t = {frame.time:g}")
     reach = 2 * distance * float(radius.max())
     require_room(frame.box, reach, "links of clusters")
     links = []

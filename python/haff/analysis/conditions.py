@@ -241,6 +241,8 @@ def _drifting(file: Recording) -> str | None:
     momenta = [table[f"momentum_{axis}"] for axis in axes if f"momentum_{axis}" in table]
     if msd is None or len(momenta) < len(axes) or not len(momenta[0]):
         return None
+    if not len(msd["lag"]):
+        return None
     lag = min(80 * mean_free_time(file), float(msd["lag"][-1]))
     mass = float(np.sum(file.mass[np.isfinite(file.mass)]))
     V = float(np.linalg.norm([np.mean(p) for p in momenta])) / mass

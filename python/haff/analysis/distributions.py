@@ -71,14 +71,17 @@ def pair_distributions(
     ArgumentError
         An argument is not positive.
     NotApplicableError
-        The box is not periodic, or not wider than 2 ``r_max``; there are no frames, or fewer than two particles.
+        The box is not periodic, or not wider than 2 ``r_max``; there are no frames, or none with two
+        particles; others do not count.
     """
     r_max, bins, seed = positive("r_max", r_max), count("bins", bins), count("seed", seed, 0, MOST_ROWS)
     limit = math.inf if most_pairs is None else positive("most_pairs", most_pairs)
-    chosen = list(frames)
-    if not chosen:
+    found = list(frames)
+    if not found:
         raise NotApplicableError("no frames")
-    if any(len(frame.species) < 2 for frame in chosen):
+    # Where particles come and go, some frames may have none.
+    chosen = [frame for frame in found if len(frame.species) > 1]
+    if not chosen:
         raise NotApplicableError("fewer than two particles: there is no pair")
     present = np.unique(np.concatenate([frame.species for frame in chosen]))
     tally = _Tally(len(present), bins, r_max)

@@ -88,6 +88,8 @@ def cluster_history(frames: Iterable[Frame], distance: float = 1.1) -> pd.DataFr
     distance = positive("distance", distance)
 
     def sizes(frame: Frame) -> dict[str, float]:
+        if not len(frame.position):
+            return {"clusters": 0, "largest": 0, "mean": np.nan}
         found = clusters(frame, distance).sizes.astype(float)
         return {"clusters": len(found), "largest": int(found[0]), "mean": float(found @ found / found.sum())}
 

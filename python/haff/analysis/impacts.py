@@ -23,6 +23,8 @@ KINDS = ("collision", "wall", "stick")
 """Events that are impacts."""
 UNKNOWN = ("rest", "slide", "settle", "release", "wake", "lift", "loose", "taut")
 """Events that change a velocity by more than the impulse in the log."""
+AGREES = 1e-6
+"""Largest difference of a speed of approach from that of the log, in parts of the velocities."""
 
 
 @checked
@@ -87,6 +89,8 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
         pair = [i, j] if of_pair else [i]
         if event.kind in ("slack", "taut"):
             bodies.set_slack(i, event.kind == "slack")
+        if event.kind == "change":
+            bodies.changed = event.time
         if event.kind not in KINDS:
             for body in pair if event.kind in UNKNOWN and i < len(run) else ():
                 bodies.forget(body, event.time)
@@ -94,15 +98,24 @@ def impacts(run: Recording, most: int = 10_000) -> pd.DataFrame:
         signs = (-1, 1)
         mass = 1 / sum(bodies.inverse_mass(body, event.time, sign * n) for body, sign in zip(pair, signs))
         before = [bodies.velocity(body, event.time) for body in pair]
+        # The velocity of a wall that moves is not in the log, nor the spin that a thermal wall gives.
+        drive = "" if of_pair else driven(run, j)
+        still = np.zeros(3) if drive in ("", "is thermal") else np.full(3, np.nan)
+        approach = float((before[0] - (before[1] if of_pair else still)) @ n)
+        if abs(approach - event.approach_speed) > AGREES * np.linalg.norm(before):
+            # Something else has changed a velocity: gravity or a velocity from outside.
+            for body in pair:
+                bodies.forget(body, event.time)
+            before = [np.full(3, np.nan) for _ in pair]
         spins = [bodies.spin(body, event.time) for body in pair]
         for body, sign in zip(pair, signs):
             bodies.push(body, event.time, sign * impulse)
             bodies.turn(body, event.time, n, impulse)
+            if drive == "is thermal":
+                bodies.spins[body] = (event.time, np.full(3, np.nan))
         after = [bodies.velocity(body, event.time) for body in pair]
         turned = [bodies.spin(body, event.time) for body in pair]
         if not of_pair:
-            # The velocity of a wall that moves is not in the log.
-            still = np.zeros(3) if driven(run, j) in ("", "is thermal") else np.full(3, np.nan)
             before, after = [*before, still], [*after, still]
             spins, turned = [*spins, np.zeros(3)], [*turned, np.zeros(3)]
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -192,18 +205,39 @@ class _Bodies:
         self.state: dict[int, tuple[float, Array, Array]] = {}
         # And time and angular velocity.
         self.spins: dict[int, tuple[float, Array]] = {}
+        # When velocities were last changed from outside: only later frames have them.
+        self.changed = -np.inf
         turns_slower = any(drive.get("rotational") for drive in run.scene.get("drive", ()))
         self.has_spin = run.inertia is not None and not turns_slower
 
+    def _frame(self, time: float, start: float) -> int | None:
+        """The last frame before what happens at a time, if it is later than a state at ``start``.
+
+        Frames are taken after the events of their time, but the first one before those of the start.
+        """
+        frame = int(np.searchsorted(self.time, time)) - 1
+        if start == -np.inf:
+            return max(frame, 0)
+        return frame if frame >= 0 and (self.time[frame], frame > 0) > (start, False) else None
+
+    def _recorded(self, frame: int, body: int, name: str) -> Array:
+        """A vector of a body in a frame; NaN if it is not there."""
+        found = self.frames[frame]
+        row = int(np.searchsorted(found.id, body))
+        if row == len(found.id) or found.id[row] != body:
+            return np.full(3, np.nan)
+        return getattr(found, name)[row].astype(float)
+
     def _at(self, body: int, time: float) -> tuple[Array, Array]:
         """Position and velocity of a body before what happens at a time."""
-        frame = int(np.searchsorted(self.time, time)) - 1
         start, r, v = self.state.get(body, (-np.inf, np.zeros(3), np.zeros(3)))
-        if (frame >= 0 and self.time[frame] >= start) or start == -np.inf:
-            found = self.frames[max(frame, 0)]
-            start, r, v = found.time, found.position[body].astype(float), found.velocity[body].astype(float)
+        if (frame := self._frame(time, start)) is not None:
+            start = float(self.time[frame])
+            r, v = (self._recorded(frame, body, name) for name in ("position", "velocity"))
             if body in self.joined:
                 v = np.full(3, np.nan)
+        if start <= self.changed:
+            v = np.full(3, np.nan)
         return self._flown(body, r, v, time - start)
 
     def _flown(self, body: int, r: Array, v: Array, dt: float) -> tuple[Array, Array]:
@@ -223,11 +257,10 @@ class _Bodies:
         """Angular velocity ``[3]`` of a body after what has been pushed so far; NaN where it is not known."""
         if not self.has_spin:
             return np.full(3, np.nan)
-        frame = int(np.searchsorted(self.time, time)) - 1
         start, w = self.spins.get(body, (-np.inf, np.zeros(3)))
-        if (frame >= 0 and self.time[frame] >= start) or start == -np.inf:
-            w = self.frames[max(frame, 0)].angular_velocity[body].astype(float)
-        return w
+        if (frame := self._frame(time, start)) is not None:
+            start, w = float(self.time[frame]), self._recorded(frame, body, "angular_velocity")
+        return w if start > self.changed else np.full(3, np.nan)
 
     def turn(self, body: int, time: float, n: Array, impulse: Array) -> None:
         """Gives a body the spin of an impulse on its surface; n and the impulse are the same for both bodies."""

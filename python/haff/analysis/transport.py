@@ -121,8 +121,14 @@ def shear_viscosity(file: Recording, start: float | None = None, end: float | No
 
 @checked
 def viscosity_scale(file: Recording) -> float:
-    """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples."""
-    temperature = float(np.nanmean(file.samples["temperature"]))
+    """V/T, the factor of the Green–Kubo relation of the viscosity, with the mean temperature of the samples.
+
+    Raises :class:`NotApplicableError` if there is none, or it is 0.
+    """
+    found = file.samples["temperature"]
+    temperature = float(found[np.isfinite(found)].mean()) if np.isfinite(found).any() else 0.0
+    if temperature <= 0:
+        raise NotApplicableError(f"{file.path}: has no temperature above 0")
     return float(file.box.volume) / temperature
 
 

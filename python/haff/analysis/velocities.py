@@ -23,11 +23,13 @@ def scaled_velocities(frame: Frame, species: Species | None = None) -> Array:
     """``[M, d]`` velocities c = (v − V)/√(2T/m) of the bodies of finite mass, T the temperature of the frame.
 
     v − V is :attr:`Frame.thermal_velocity`. With a ``species``, a name or an index, of its bodies alone, and T is
-    theirs. Raises :class:`NotApplicableError` if there is no such body.
+    theirs. Raises :class:`NotApplicableError` if there is no such body, or none moves.
     """
     chosen = mobile(frame, species)
     if not chosen.any():
         raise NotApplicableError("no body of finite mass: there is no distribution of velocities")
+    if not temperature(frame, species) > 0:
+        raise NotApplicableError("the bodies do not move: there is no distribution of velocities")
     mass, velocity = frame.mass[chosen], frame.thermal_velocity[chosen, : frame.box.dimension]
     return velocity / np.sqrt(2 * temperature(frame, species) / mass)[:, None]
 
@@ -58,9 +60,11 @@ def velocity_histogram(
     edges = np.linspace(-reach, reach, bins + 1)
     counts, total = np.zeros(bins), 0
     for frame in frames:
+        if not len(frame.position):
+            continue
         values = scaled_velocities(frame, species)[:, : frame.box.dimension].ravel()
         counts += np.histogram(values, edges)[0]
         total += len(values)
     if total == 0:
-        raise NotApplicableError("no frames")
+        raise NotApplicableError("no frames with particles")
     return 0.5 * (edges[1:] + edges[:-1]), counts / (total * (edges[1] - edges[0]))

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from ..files.recording import Recording
 
 MOST_BODIES = 24
+IMPACTS = ("collision", "wall", "stick")
+"""Events that change velocities at once."""
 MOST_MARKS = 4000
 _MARKS = {
     "collision": ("o", "collision"),
@@ -83,6 +85,9 @@ def flights(file: Recording) -> list[Path]:
             if "impulse" in log:
                 log["impulse_vector"] = log["impulse"][:, None] * log["normal"]
             log["names"] = np.array([events.kinds.get(int(k), "") for k in log["kind"]])
+            if np.any((log["names"] == "change") & (log["time"] > t[0])):
+                # The log has not what a change from outside has given to each body.
+                log = None
     bent = any(file.scene.get(joint) for joint in ("pendulum", "spring", "rod"))
     return [_flight(body, t, x[:, body], v[:, body], file.mass[body], gravity, log, bent) for body in range(len(file))]
 
@@ -94,7 +99,9 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
     pull = gravity if np.isfinite(mass) else np.zeros(3)
     times, points, at = [], [], np.full((len(own), 3), np.nan)
     # In contact with a wall, which carries the weight; it may slide.
-    before = np.flatnonzero(log["time"][own] <= t[0]) if log is not None else own
+    # The first frame is taken before the impacts of its time, others after all events of theirs.
+    at_start = np.zeros(0, bool) if log is None else (log["time"][own] == t[0]) & np.isin(log["names"][own], IMPACTS)
+    before = np.flatnonzero((log["time"][own] <= t[0]) & ~at_start) if log is not None else own
     resting = len(before) > 0 and log["names"][own[before[-1]]] in ("rest", "slide")
     if len(before):
         at[before[log["time"][own[before]] == t[0]]] = x[0]
@@ -102,7 +109,9 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
         now, r, w = t[k], x[k].astype(float), v[k].astype(float)
         inside = np.zeros(0, int)
         if log is not None:
-            inside = np.flatnonzero((log["time"][own] > t[k]) & (log["time"][own] <= t[k + 1]))
+            inside = np.flatnonzero(
+                ((log["time"][own] > t[k]) | (at_start & (k == 0))) & (log["time"][own] <= t[k + 1])
+            )
         if log is None or (bent and not len(inside)):
             s = np.linspace(0, 1, 24)[:, None]
             times.append(now + s[:, 0] * (t[k + 1] - t[k]))
@@ -157,10 +166,15 @@ def _spins(file: Recording, path: Path, body: int) -> tuple[np.ndarray, np.ndarr
     """
     frames, inertia = file.frames, file.inertia
     t, spin = frames.time, frames.array("angular_velocity")[:, body]
-    log, columns = {}, ("time", "kind", "impulse_vector", "normal")
+    log, columns = {}, ("time", "kind", "j", "impulse_vector", "normal")
     if "events" in file and len(path.hits) <= MOST_MARKS and set(columns) <= set(file.events.columns):
         log = {name: file.events[name][path.hits] for name in columns}
-        impact = np.isin([file.events.kinds.get(int(k), "") for k in log["kind"]], ("collision", "wall"))
+        kinds = np.array([file.events.kinds.get(int(k), "") for k in log["kind"]])
+        # The spin that a thermal wall gives is not in the log.
+        thermal = [
+            kind == "wall" and experiment.driven(file, int(j)) == "is thermal" for kind, j in zip(kinds, log["j"])
+        ]
+        impact = np.isin(kinds, ("collision", "wall")) & ~np.array(thermal, bool)
         log = {name: values[impact] for name, values in log.items()}
     times, values = [t[0]], [spin[0]]
     for k in range(len(t) - 1):

@@ -86,8 +86,9 @@ def _with_impacts(file: Recording, index: int, wall: dict[str, Any], recorded: P
     knots: list[tuple[float, float, float]] = []
     k = 0
     for t, x, v in zip(*recorded):
-        while k < len(hit) and hit[k] <= t:
-            if first < hit[k] < last and hit[k] < t:
+        # A frame is taken after the impacts of its time, but the first one before those of the start.
+        while k < len(hit) and hit[k] <= t and (hit[k] < first or knots):
+            if first <= hit[k] < last and hit[k] < t:
                 since, at, speed = knots[-1]
                 dt = float(hit[k]) - since
                 knots.append(

@@ -61,7 +61,7 @@ def _spinning(frames: Frames) -> bool:
 def along_flights(file: File, frames: Frames) -> Keyframes | None:
     """Exact paths of few bodies from the event log; ``None`` without a complete log, or if they are too long.
 
-    The log lacks the changes of velocities by drives, and images of a box that changes with time slide.
+    The log lacks changes of velocities by drives and from outside, and images of a box that changes with time slide.
     """
     if len(frames) < 2 or "events" not in file or file.scene.get("drive") or file.compression is not None or file.flows:
         return None
@@ -70,6 +70,9 @@ def along_flights(file: File, frames: Frames) -> Keyframes | None:
     except (NotApplicableError, MissingDataError):
         return None
     first, last = float(frames.time[0]), float(frames.time[-1])
+    changes = [code for code, kind in file.events.kinds.items() if kind == "change"]
+    if np.any(np.isin(file.events["kind"], changes) & (file.events["time"] > first)):
+        return None
     if any(file.scene.get("domain", {}).get("gravity", ())):
         corners = [path.time for path in paths]
     else:  # straight from event to event

@@ -112,6 +112,7 @@ impl Simulation {
         mut system: System,
         observer: &mut dyn Observer,
     ) -> Result<(), EngineError> {
+        self.has_fixed_population("laws, walls and gravity")?;
         let refuse =
             |what: &str| Err(EngineError::Change(format!("{what} cannot change in a run that goes on")));
         let (own, domain) = (&self.system, &system.domain);
@@ -266,8 +267,9 @@ impl Simulation {
     /// The system with its bodies at the present, to be changed for [`Self::change_system`].
     ///
     /// # Errors
-    /// If a velocity is not finite any more.
+    /// If a velocity is not finite any more, and with inlets or outlets.
     pub fn present_system(&self) -> Result<System, EngineError> {
+        self.has_fixed_population("laws, walls and gravity")?;
         Ok(self.changed_system(&Change::default())?.0)
     }
 

@@ -45,7 +45,9 @@ impl DomainPlan {
     ) -> Domain {
         let mut size = self.size.unwrap_or(DVec3::ONE);
         if dimension == Dimension::Two {
-            size.z = 2.0 * rows.largest_radius();
+            // Of formal meaning: a length that files can have where no disk is there yet.
+            let diameter = 2.0 * rows.largest_radius();
+            size.z = if diameter > 0.0 { diameter } else { 1.0 };
         }
         Domain { size, boundary: self.boundary, gravity: self.gravity, shear, compression }
     }

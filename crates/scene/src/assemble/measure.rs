@@ -12,8 +12,8 @@ use super::plan::MAX_RECORDS;
 use super::values::{at, item, positive};
 use crate::config::document::Path;
 use crate::config::{
-    BinsConfig, FollowedConfig, FollowedSpeciesConfig, MeasureConfig, ProbeConfig, ProfileConfig,
-    SpeciesChoice,
+    BinsConfig, FollowedConfig, FollowedSpeciesConfig, InletConfig, MeasureConfig, ProbeConfig,
+    ProfileConfig, SpeciesChoice,
 };
 use crate::model::scene::{OutputPlan, RunPlan, Schedule};
 use crate::plugins::{make_probe, probe_names};
@@ -208,10 +208,13 @@ impl Assembler<'_> {
 
     /// The species of a choice, as indices. They must have particles that move.
     fn measured_species(&mut self, path: &[String], given: &SpeciesChoice, system: &System) -> Vec<u32> {
+        let inlets = self.config.inlet.clone().unwrap_or_default();
         let moves = |species: usize| {
-            system.bodies.iter().any(|body| {
-                body.species as usize == species && system.classes[body.class as usize].mass.is_finite()
-            })
+            let is_let_in = |inlet: &InletConfig| inlet.species.as_ref() == Some(&system.species[species]);
+            inlets.iter().any(is_let_in)
+                || system.bodies.iter().any(|body| {
+                    body.species as usize == species && system.classes[body.class as usize].mass.is_finite()
+                })
         };
         let names: Vec<&str> = system.species.iter().map(String::as_str).collect();
         let names = match given {

@@ -196,6 +196,19 @@ impl Assembler<'_> {
                 }
             }
         }
+        for (k, outlet) in passages.flow.outlets.iter().enumerate() {
+            for axis in 0..self.dimension.count() {
+                let (low, high) = (outlet.place.low[axis], outlet.place.high[axis]);
+                if domain.boundary[axis] != Boundary::Open && (high < 0.0 || low > domain.size[axis]) {
+                    let name = ["x", "y", "z"][axis];
+                    let why = format!(
+                        "no particle can be there: along {name} the box is from 0 to {}",
+                        domain.size[axis]
+                    );
+                    self.document.refuse(&item("outlet", k, "box"), why);
+                }
+            }
+        }
         for supplied in &passages.supplied {
             let [least, largest] = species[supplied.species].radius.range();
             let place = &passages.flow.inlets[supplied.inlet].place;
