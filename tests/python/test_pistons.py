@@ -138,6 +138,33 @@ def test_a_run_goes_on_with_another_load_from_where_the_piston_is(tmp_path, comm
         assert np.array_equal(run.frames[0].piston_velocity, [[0, 0, 1.5]])
 
 
+def test_a_piston_is_put_where_it_was_at_the_start(tmp_path):
+    """Values that are those of the scene act too: they were taken for no change."""
+    first = tmp_path / "first.h5"
+    haff.run(PRESS | {"output": {"frames": 1.0, "observables": 1.0}}, file=first, run__until=10.0).close()
+    with haff.open(first) as run:
+        here, speed = run.frames[-1].piston_position[0, 2], run.frames[-1].piston_velocity[0, 2]
+    assert 0 < here < 19 and abs(speed + 0.5) > 1e-3
+    for key, value, place, velocity in (
+        ("velocity", [0, 0, -0.5], here, -0.5),
+        ("velocity", [0, 0, 0], here, 0.0),
+        ("plane__point", [0, 0, 20], 20.0, speed),
+    ):
+        change = {f"wall__lid__{key}": value}
+        for again in range(2):
+            name = tmp_path / f"{again}.h5"
+            with haff.resume(first, file=name, run__until=20.0, overwrite=True, **change).file as run:
+                frame = run.frames[0]
+                assert frame.piston_position[0, 2] == pytest.approx(place, rel=1e-15)
+                assert frame.piston_velocity[0, 2] == pytest.approx(velocity, rel=1e-14, abs=1e-15)
+                assert run.observables["ledger_residual"].abs().max() < 1e-12
+            with haff.Simulation(PRESS) as live:
+                live.advance(until=10.0)
+                for _ in range(1 + again):
+                    live.set(**change)
+                assert live.sample()["piston_position"][0, 2] == pytest.approx(place, rel=1e-14)
+
+
 def test_live_simulations_have_pistons(press):
     simulation = haff.Simulation(PRESS)
     simulation.run()

@@ -79,15 +79,18 @@ impl World {
     }
 
     /// Pistons go on as those of a world that this one replaces: from where they are and as fast as they are
-    /// now, unless the change has set another position or another velocity. `walls` are those at the start of
-    /// the system before the change.
+    /// now, unless the change has set another position or another velocity, or the piston is said to begin
+    /// now. `walls` are those at the start of the system before the change.
     pub fn pistons_go_on(&mut self, before: &Self, walls: &[Wall]) {
         let now = before.clock.instant(before.now);
         for wall in self.boundary.pistons.clone() {
             let Some(old) = walls.get(wall as usize) else { continue };
             let Wall { point, normal, motion, .. } = &mut self.boundary.walls[wall as usize];
             let WallMotion::Piston(piston) = motion else { continue };
-            piston.since = now;
+            let begins = std::mem::replace(&mut piston.since, now) == now;
+            if begins {
+                continue;
+            }
             let (Some(start), Some(flight)) = (old.piston(), before.piston(wall)) else { continue };
             let (displacement, speed) = flight.at(now);
             if (*point, *normal) == (old.point, old.normal) {

@@ -25,7 +25,7 @@ use haff_mechanics::Impact;
 use crate::{
     laws::{series, slide},
     measure::{sample::Species, totals::Totals},
-    model::{Body, Class, Domain, System},
+    model::{Body, Class, Domain, Piston, System, Wall, WallMotion},
     motion::{drag, flights, flow_work},
     numerics::{clock::Clock, error::EngineError, instant::Instant},
     report::{
@@ -154,7 +154,7 @@ impl Simulation {
     /// change of the first particles of the system.
     fn replace_world(
         &mut self,
-        system: System,
+        mut system: System,
         survivors: &[u32],
         observer: &mut dyn Observer,
     ) -> Result<(), EngineError> {
@@ -172,6 +172,11 @@ impl Simulation {
             world.particles[new].count = old.particles[i as usize].count.wrapping_add(1);
         }
         world.pistons_go_on(old, &self.system.walls);
+        for wall in &mut system.walls {
+            if let WallMotion::Piston(piston) = &mut wall.motion {
+                piston.since = Instant::ZERO;
+            }
+        }
         self.check_places(&system, &world)?;
         if let (Some(times), Some(others)) = (&mut world.laws.contact_times, &old.laws.contact_times) {
             times.take_over(others, survivors, (&old.clock, old.now), (&world.clock, world.now));
@@ -257,6 +262,19 @@ impl Simulation {
             return Ok(());
         }
         Err(EngineError::Change(format!("{what} cannot change in a run with inlets or outlets")))
+    }
+
+    /// The walls of the system, pistons where they are and as fast as they are now.
+    pub fn present_walls(&self) -> Vec<Wall> {
+        let now = self.instant();
+        let mut walls = self.system.walls.clone();
+        for (index, flight) in self.state.world.pistons() {
+            if let WallMotion::Piston(piston) = &mut walls[index as usize].motion {
+                let (displacement, speed) = flight.at(now);
+                *piston = Piston { displacement, speed, since: now, ..*piston };
+            }
+        }
+        walls
     }
 
     /// The present instant.

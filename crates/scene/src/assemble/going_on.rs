@@ -48,6 +48,12 @@ impl Assembler<'_> {
         }
     }
 
+    /// Whether the change sets where the piston of entry `k` is, or how fast.
+    pub(super) fn sets_piston(&self, k: usize) -> bool {
+        let is_set = |key: &str| self.document.is_overridden(&item("wall", k, key));
+        is_set("plane.point") || is_set("velocity")
+    }
+
     /// The changed keys of entry `k`; `None` if its motion and its position stay as they are.
     fn changed(&self, k: usize, config: &WallConfig) -> Option<Changed> {
         let is_set = |key: &str| self.document.is_overridden(&item("wall", k, key));
@@ -74,8 +80,8 @@ impl Assembler<'_> {
 /// Completes an entry with `changed` keys; `old` is its wall until now. Values that are not valid are left to
 /// the checks that follow.
 fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) {
-    // What is not changed of a piston goes on in the engine.
     if config.mass.is_some() {
+        piston_goes_on(config, changed, old, now);
         return;
     }
     // A velocity replaces an oscillation, and the other way round.
@@ -129,6 +135,22 @@ fn goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) 
             given.zip(point.to_array()).for_each(|(component, value)| *component = value);
         }
         None => *config.displacement.get_or_insert(0.0) += (point - old.point).dot(old.normal),
+    }
+}
+
+/// Completes the entry of a piston whose position or velocity is set: the other one is that of now. Where
+/// neither is set, it goes on in the engine.
+fn piston_goes_on(config: &mut WallConfig, changed: Changed, old: &Wall, now: Instant) {
+    let (WallMotion::Piston(piston), Some(plane)) = (&old.motion, &mut config.plane) else { return };
+    let (displacement, speed) = piston.at(now);
+    let point = plane.point.iter_mut().flatten();
+    if !changed.position {
+        let present = old.point + old.normal * displacement;
+        point.zip(present.to_array()).for_each(|(component, value)| *component = value);
+    }
+    if !changed.velocity {
+        let components = plane.normal.as_ref().map_or(3, Vec::len);
+        config.velocity = Some((old.normal * speed).to_array()[..components.min(3)].to_vec());
     }
 }
 

@@ -2,9 +2,9 @@
 
 use haff_engine::{Piston, Wall, WallMotion, bounds};
 
-use super::Assembler;
 use super::domain::DomainPlan;
 use super::values::{item, positive};
+use super::{Assembler, Start};
 use crate::config::WallConfig;
 
 /// A velocity is along the normal if the rest of it is at most this part of it.
@@ -54,7 +54,13 @@ impl Assembler<'_> {
             self.document.refuse(&path("velocity"), why);
         }
         if self.document.count() == errors {
-            wall.motion = WallMotion::Piston(Piston::new(mass, force, speed, (wall.normal, domain.gravity)));
+            let mut piston = Piston::new(mass, force, speed, (wall.normal, domain.gravity));
+            if let Start::Present(present) = self.start
+                && self.sets_piston(k)
+            {
+                piston.since = present.at;
+            }
+            wall.motion = WallMotion::Piston(piston);
         }
     }
 

@@ -8,7 +8,7 @@ use haff_engine::{Instant, Simulation, Wall};
 pub struct Present {
     /// Now.
     pub at: Instant,
-    /// The walls, whose motions go on.
+    /// The walls, whose motions go on; pistons as they are now.
     pub walls: Vec<Wall>,
     /// Row, position \[length\] and radius \[length\] of every body of infinite mass.
     pub fixed: Vec<(usize, DVec3, f64)>,
@@ -23,7 +23,7 @@ impl Present {
         let positions = if rows.is_empty() { Vec::new() } else { simulation.frame().position };
         Self {
             at: simulation.instant(),
-            walls: simulation.system().walls.clone(),
+            walls: simulation.present_walls(),
             fixed: rows.into_iter().map(|row| (row, positions[row], properties[row].0)).collect(),
         }
     }
