@@ -41,6 +41,30 @@ def test_a_gas_under_a_piston_has_the_pressure_of_its_load(command):
 
 
 @pytest.mark.long
+def test_a_piston_that_presses_a_grain_on_a_wall_keeps_its_energy():
+    """Two and a half million hops, each of which rounded the place of the piston in the same direction."""
+    scene = {
+        "domain": {"size": [6.0, 6.0, 6.0], "boundary": ["wall", "wall", "wall"]},
+        "particle": [{"position": [3.0, 3.0, 1.0], "velocity": [0.1, 0.0, 0.0], "radius": 0.5, "mass": 1.0}],
+        "contact": {"restitution": 0.9},
+        "wall": [
+            {
+                "name": "p",
+                "plane": {"point": [0, 0, 3], "normal": [0, 0, -1]},
+                "mass": 20.0,
+                "force": 20.0,
+                "restitution": 0.7,
+            }
+        ],
+        "run": {"until": 12.0},
+    }
+    with haff.Simulation(scene) as live:
+        live.run()
+        assert live.sample()["wall_collisions"] > 2_000_000
+        assert abs(live.sample()["ledger_residual"]) < 1e-12
+
+
+@pytest.mark.long
 def test_two_gases_beside_a_piston_come_to_one_temperature_and_one_pressure(tmp_path):
     """A light piston between as many hot spheres as cold ones: it ends in the middle, and passes heat on."""
     gas = {"count": 100, "radius": 0.4, "mass": 1.0}

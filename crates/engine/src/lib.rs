@@ -71,4 +71,4 @@ pub use simulation::{
 pub use support::Overlap;
 
 /// Version of the trajectories. A release that changes the trajectory of any scene raises it.
-pub const TRAJECTORY_VERSION: u32 = 7;
+pub const TRAJECTORY_VERSION: u32 = 8;

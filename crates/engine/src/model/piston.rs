@@ -14,6 +14,8 @@ pub struct Piston {
     pub acceleration: f64,
     /// Displacement from the given position along the normal, at the start of the flight \[length\].
     pub displacement: f64,
+    /// What is missing in it by rounding: of very many short flights it would add up \[length\].
+    pub displacement_low: f64,
     /// Velocity along the normal at the start of the flight [length/time].
     pub speed: f64,
     /// Start of the flight.
@@ -26,7 +28,7 @@ impl Piston {
     #[must_use]
     pub fn new(mass: f64, force: f64, speed: f64, (normal, gravity): (DVec3, DVec3)) -> Self {
         let acceleration = force / mass + gravity.dot(normal);
-        Self { mass, acceleration, displacement: 0.0, speed, since: Instant::ZERO }
+        Self { mass, acceleration, displacement: 0.0, displacement_low: 0.0, speed, since: Instant::ZERO }
     }
 
     /// Displacement \[length\] and velocity [length/time] along the normal at a time of the flight.
@@ -34,7 +36,21 @@ impl Piston {
     pub fn at(&self, time: Instant) -> (f64, f64) {
         let duration = time.since(self.since);
         let gain = self.acceleration * duration;
-        (self.displacement + (self.speed + 0.5 * gain) * duration, self.speed + gain)
+        let way = self.displacement_low + (self.speed + 0.5 * gain) * duration;
+        (self.displacement + way, self.speed + gain)
+    }
+
+    /// The same flight, begun anew at a time of it.
+    #[must_use]
+    pub fn restarted(&self, time: Instant) -> Self {
+        let duration = time.since(self.since);
+        let gain = self.acceleration * duration;
+        let way = self.displacement_low + (self.speed + 0.5 * gain) * duration;
+        let displacement = self.displacement + way;
+        // The rounding error of that sum (Knuth), exactly.
+        let part = displacement - self.displacement;
+        let displacement_low = (self.displacement - (displacement - part)) + (way - part);
+        Self { displacement, displacement_low, speed: self.speed + gain, since: time, ..*self }
     }
 
     /// Kinetic energy at a time of the flight \[energy\].
@@ -50,8 +66,14 @@ impl Piston {
     }
 
     /// The flight as named numbers, for checkpoints.
-    pub(crate) fn flight(&self) -> [(&'static str, f64); 4] {
-        let Self { displacement, speed, since, .. } = *self;
-        [("displacement", displacement), ("speed", speed), ("since", since.high), ("since_low", since.low)]
+    pub(crate) fn flight(&self) -> [(&'static str, f64); 5] {
+        let Self { displacement, displacement_low, speed, since, .. } = *self;
+        [
+            ("displacement", displacement),
+            ("displacement_low", displacement_low),
+            ("speed", speed),
+            ("since", since.high),
+            ("since_low", since.low),
+        ]
     }
 }

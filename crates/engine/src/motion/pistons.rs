@@ -41,9 +41,8 @@ impl World {
         let wall = &mut self.boundary.walls[wall as usize];
         let normal = wall.normal;
         if let WallMotion::Piston(piston) = &mut wall.motion {
-            let (displacement, speed) = piston.at(at);
-            let speed = speed + impulse.dot(normal) / piston.mass;
-            *piston = Piston { displacement, speed, since: at, ..*piston };
+            *piston = piston.restarted(at);
+            piston.speed += impulse.dot(normal) / piston.mass;
         }
     }
 
@@ -92,12 +91,13 @@ impl World {
                 continue;
             }
             let (Some(start), Some(flight)) = (old.piston(), before.piston(wall)) else { continue };
-            let (displacement, speed) = flight.at(now);
+            let present = flight.restarted(now);
             if (*point, *normal) == (old.point, old.normal) {
-                piston.displacement = displacement;
+                piston.displacement = present.displacement;
+                piston.displacement_low = present.displacement_low;
             }
             if piston.speed == start.speed {
-                piston.speed = speed;
+                piston.speed = present.speed;
             }
         }
     }
@@ -116,8 +116,9 @@ impl World {
         for wall in self.boundary.pistons.clone() {
             if let WallMotion::Piston(piston) = &mut self.boundary.walls[wall as usize].motion {
                 let values = piston.flight().map(|(name, _)| scalars.real(&format!("piston.{wall}.{name}")));
-                let [displacement, speed, high, low] = values;
-                *piston = Piston { displacement, speed, since: Instant { high, low }, ..*piston };
+                let [displacement, displacement_low, speed, high, low] = values;
+                let since = Instant { high, low };
+                *piston = Piston { displacement, displacement_low, speed, since, ..*piston };
             }
         }
     }

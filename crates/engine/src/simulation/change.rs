@@ -25,7 +25,7 @@ use haff_mechanics::Impact;
 use crate::{
     laws::{series, slide},
     measure::{sample::Species, totals::Totals},
-    model::{Body, Class, Domain, Piston, System, Wall, WallMotion},
+    model::{Body, Class, Domain, System, Wall, WallMotion},
     motion::{drag, flights, flow_work},
     numerics::{clock::Clock, error::EngineError, instant::Instant},
     report::{
@@ -270,8 +270,7 @@ impl Simulation {
         let mut walls = self.system.walls.clone();
         for (index, flight) in self.state.world.pistons() {
             if let WallMotion::Piston(piston) = &mut walls[index as usize].motion {
-                let (displacement, speed) = flight.at(now);
-                *piston = Piston { displacement, speed, since: now, ..*piston };
+                *piston = flight.restarted(now);
             }
         }
         walls

@@ -166,7 +166,9 @@ pub(crate) fn pistons(world: &World) -> Result<(), EngineError> {
         within(&format!("piston.{wall}.since_low"), low, -f64::EPSILON * high, f64::EPSILON * high)?;
         require(piston.since <= now, || format!("piston.{wall}: its flight must have begun by now"))?;
         let (displacement, speed) = piston.at(now);
-        for (name, value) in piston.flight()[..2]
+        let least = f64::EPSILON * piston.displacement.abs();
+        within(&format!("piston.{wall}.displacement_low"), piston.displacement_low, -least, least)?;
+        for (name, value) in piston.flight()[..3]
             .iter()
             .copied()
             .chain([("displacement now", displacement), ("speed now", speed)])
