@@ -57,6 +57,7 @@ def test_impacts_are_those_of_the_particles_that_are_there(tmp_path):
         absent = len(run) - min(len(frame.position) for frame in run.frames)
         assert absent > 3
         assert close(*impacts_of(run)) > 0.7
+        assert len(haff.plot(run, "trajectories").axes) == 2
 
 
 @pytest.mark.parametrize("keys", [{}, {"contact": {"tangential_restitution": 0.5, "restitution": 0.9}}])

@@ -139,12 +139,16 @@ def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:
             points.append(arc)
             r, now = arc[-1], until
             at[row] = r
+            if name == "leave":
+                break
             if name == "rest":
                 resting = True
             elif not resting:
                 w = w + pull * dt[-1]
                 sign = -1.0 if log["i"][own[row]] == body else 1.0
                 w = w + sign * log["impulse_vector"][own[row]] / mass
+        if len(inside) and log["names"][own[inside[-1]]] == "leave":
+            continue
         dt = np.linspace(0, t[k + 1] - now, 20)[:, None]
         if resting:
             lifted = np.linalg.norm(r + w * dt[-1] + 0.5 * pull * dt[-1] ** 2 - x[k + 1]) < 1e-9 * np.abs(x).max()
@@ -199,9 +203,16 @@ def _arc(s: np.ndarray, step: float, x: np.ndarray, v: np.ndarray) -> np.ndarray
     return arc + (s**2 * (3 - 2 * s)) * x[1] + (s**2 * (s - 1)) * step * v[1]
 
 
+def _extent(path: Path) -> np.ndarray:
+    """``[3]`` size of the region of a path; a body that is not there has no position."""
+    known = path.position[np.isfinite(path.position).all(axis=1)]
+    return np.ptp(known, axis=0) if len(known) else np.zeros(3)
+
+
 def _moving_axes(file: Recording, paths: list[Path]) -> list[int]:
-    size = max(float(np.ptp(p.position, axis=0).max()) for p in paths)
-    active = [k for k in range(3) if any(np.ptp(p.position[:, k]) > 1e-9 * max(size, 1e-300) for p in paths)]
+    ways = [_extent(path) for path in paths]
+    size = max(float(way.max()) for way in ways)
+    active = [k for k in range(3) if any(way[k] > 1e-9 * max(size, 1e-300) for way in ways)]
     if not active or size == 0:
         raise NotApplicableError("nothing moves")
     return active
