@@ -118,6 +118,7 @@ def test_means_of_profiles_have_errors(fluid):
             haff.analysis.profile_means(fluid, **wrong)
 
 
+@pytest.mark.long
 def test_a_run_in_two_parts_writes_the_same_profiles_and_correlations(fluid, command, tmp_path):
     path = tmp_path / "parts.h5"
     haff.save_scene(FLUID, tmp_path / "fluid.toml")

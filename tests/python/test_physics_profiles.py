@@ -53,7 +53,7 @@ def test_errors_of_cells_are_those_of_blocks(atmosphere):
     rows = atmosphere.profiles["z"].isel(time=slice(50, None))
     found = analysis.profile_means(atmosphere, "z", start=500.0)
     _, blocks = mean_and_error(rows["density"].to_numpy(), 20)
-    # Each of the errors of 20 blocks is known to 16 %, their mean over 15 independent cells to 4 %.
+    # An error of 20 blocks is known to 16 %, the mean of 15 independent ones to 4 %; that of profile_means no better.
     whole = slice(1, 16)
     ratio = (found["density_error"].to_numpy()[whole] / blocks[whole]).mean()
     assert 0.8 < ratio < 1.25, ratio

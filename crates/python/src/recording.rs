@@ -49,18 +49,15 @@ pub struct Texts {
 }
 
 impl Texts {
-    /// Those of a scene.
-    pub fn of(scene: &Scene) -> Self {
-        let stored = |MeshFile { corners, hash }: &MeshFile| StoredMesh {
-            hash: hash.clone(),
-            corners: corners.clone(),
-        };
+    /// Those of a scene, whose triangles it takes.
+    pub fn of(scene: &mut Scene) -> Self {
+        let meshes = std::mem::take(&mut scene.meshes).into_iter();
         Self {
             title: scene.title.clone(),
             resolved: scene.resolved.clone(),
             seed: scene.seed,
             springs: !scene.joints.springs.is_empty(),
-            meshes: scene.meshes.iter().map(stored).collect(),
+            meshes: meshes.map(|MeshFile { corners, hash }| StoredMesh { hash, corners }).collect(),
             conserved_momentum: scene.joints.conserved_momentum(&scene.system),
         }
     }

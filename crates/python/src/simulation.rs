@@ -149,8 +149,8 @@ impl Simulation {
         let own_threads = threads;
         let mut threads = Threads::new(own_threads);
         let files = Files::default();
-        let scene = source.scene(py, &files)?;
-        let texts = Texts::of(&scene);
+        let mut scene = source.scene(py, &files)?;
+        let texts = Texts::of(&mut scene);
         let Scene { system, joints, title, seed, run, options, resolved, packing_fraction, output, .. } =
             scene;
         let properties = |body: &haff_engine::Body| {

@@ -119,7 +119,7 @@ pub use events::EVENT_CHUNK;
 pub use handshake::is_being_written;
 pub use header::{Header, SCHEMA};
 pub use info::{Info, NamedMean, info, means};
-pub use meshes::{MOST_TRIANGLES, StoredMesh, mesh};
+pub use meshes::{StoredMesh, mesh};
 pub use recorder::Recorder;
 pub use resume::{Resumed, resumable};
 pub use size::{FileSize, estimate_file_size};

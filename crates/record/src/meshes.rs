@@ -15,7 +15,7 @@ use crate::{
 /// Name of their group in `parameters`.
 const GROUP: &str = "meshes";
 /// Most triangles of a mesh that is kept; of a larger one the file has the path alone.
-pub const MOST_TRIANGLES: usize = 1_000_000;
+const MOST_TRIANGLES: usize = 1_000_000;
 /// Triangles in a chunk: 576 KiB.
 const CHUNK: usize = 8192;
 

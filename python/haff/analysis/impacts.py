@@ -218,7 +218,8 @@ class _Bodies:
         frame = int(np.searchsorted(self.time, time)) - 1
         if start == -np.inf:
             return max(frame, 0)
-        return frame if frame >= 0 and (self.time[frame], frame > 0) > (start, False) else None
+        is_later = frame >= 0 and (self.time[frame] > start or (frame > 0 and self.time[frame] == start))
+        return frame if is_later else None
 
     def _recorded(self, frame: int, body: int, name: str) -> Array:
         """A vector of a body in a frame; NaN if it is not there."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from ..files.recording import Recording
 
-__all__ = ["means_of_cells", "profile_means"]
+__all__ = ["profile_means"]
 
 
 @checked
@@ -58,13 +58,13 @@ def profile_means(file: Recording, axes: str | None = None, start: float | None 
     late = np.ones(len(rows.time), bool) if start is None else rows.time > number("start", start)
     if not late.any():
         raise ArgumentError(f"start = {start}: no row of the profile ends later")
-    results = {name: means_of_cells(values[late]) for name, values in rows.fields.items()}
+    results = {name: _means(values[late]) for name, values in rows.fields.items()}
     time, fields = rows.time[late][-1:], [{name: each[k][None] for name, each in results.items()} for k in (0, 1)]
     values, errors = (profile(file.dimension, time, rows.centers, each, rows.species).isel(time=0) for each in fields)
     return values.assign({f"{name}_error": each for name, each in errors.data_vars.items()}).drop_vars("time")
 
 
-def means_of_cells(rows: Array) -> tuple[Array, Array]:
+def _means(rows: Array) -> tuple[Array, Array]:
     """Means of rows ``[R, …]`` and their standard errors, ``[…]`` both: :func:`mean` of the numbers of each cell."""
     flat = rows.reshape(len(rows), -1)
     found = np.full((2, flat.shape[1]), np.nan)

@@ -74,7 +74,8 @@ def flights(file: Recording) -> list[Path]:
         v[..., shear.flow] += rows * (shear.rate * file.box.size[shear.gradient])
     gravity = experiment.gravity(file)
     log = None
-    if "events" in file and not file.scene.get("drive") and len(file.events) <= 50 * MOST_MARKS:
+    known = "events" in file and not file.scene.get("drive") and len(file.events) <= 50 * MOST_MARKS
+    if known and not is_changed(file):
         events = file.events
         names = ["time", "kind", "i", "j"]
         # Of smooth bodies the impulse is along the normal, but at thermal walls, where the log has its vector, too.
@@ -85,11 +86,17 @@ def flights(file: Recording) -> list[Path]:
             if "impulse" in log:
                 log["impulse_vector"] = log["impulse"][:, None] * log["normal"]
             log["names"] = np.array([events.kinds.get(int(k), "") for k in log["kind"]])
-            if np.any((log["names"] == "change") & (log["time"] > t[0])):
-                # The log has not what a change from outside has given to each body.
-                log = None
     bent = any(file.scene.get(joint) for joint in ("pendulum", "spring", "rod"))
     return [_flight(body, t, x[:, body], v[:, body], file.mass[body], gravity, log, bent) for body in range(len(file))]
+
+
+def is_changed(file: Recording) -> bool:
+    """Whether velocities or gravity were changed from outside after the first frame: the log has not by how much."""
+    events = file.events
+    if not {"time", "kind"} <= set(events.columns):
+        return False
+    changes = [code for code, kind in events.kinds.items() if kind == "change"]
+    return bool(np.any(np.isin(events["kind"], changes) & (events["time"] > file.frames.time[0])))
 
 
 def _flight(body, t, x, v, mass, gravity, log, bent) -> Path:

@@ -69,10 +69,9 @@ def along_flights(file: File, frames: Frames) -> Keyframes | None:
         paths = trajectories.flights(file)
     except (NotApplicableError, MissingDataError):
         return None
-    first, last = float(frames.time[0]), float(frames.time[-1])
-    changes = [code for code, kind in file.events.kinds.items() if kind == "change"]
-    if np.any(np.isin(file.events["kind"], changes) & (file.events["time"] > first)):
+    if trajectories.is_changed(file):
         return None
+    first, last = float(frames.time[0]), float(frames.time[-1])
     if any(file.scene.get("domain", {}).get("gravity", ())):
         corners = [path.time for path in paths]
     else:  # straight from event to event

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::numerics::instant::Instant;
+use crate::numerics::instant::{Instant, two_sum};
 
 /// The motion of a plane of finite mass along its normal: constant acceleration between impacts, each of
 /// which starts another flight. It does not turn, and it is guided along its normal: nothing moves it across.
@@ -18,7 +18,8 @@ pub struct Piston {
     pub displacement_low: f64,
     /// Velocity along the normal at the start of the flight [length/time].
     pub speed: f64,
-    /// Start of the flight.
+    /// Start of the flight. In a system with which a run goes on it is the present where position and
+    /// velocity are those to take from now on, and the start of the run where the piston keeps those it has.
     pub since: Instant,
 }
 
@@ -34,23 +35,25 @@ impl Piston {
     /// Displacement \[length\] and velocity [length/time] along the normal at a time of the flight.
     #[inline]
     pub fn at(&self, time: Instant) -> (f64, f64) {
+        let (way, speed) = self.flown(time);
+        (self.displacement + way, speed)
+    }
+
+    /// The way since the start of the flight, with what [`Self::displacement`] lacks \[length\], and the
+    /// velocity [length/time].
+    #[inline]
+    fn flown(&self, time: Instant) -> (f64, f64) {
         let duration = time.since(self.since);
         let gain = self.acceleration * duration;
-        let way = self.displacement_low + (self.speed + 0.5 * gain) * duration;
-        (self.displacement + way, self.speed + gain)
+        (self.displacement_low + (self.speed + 0.5 * gain) * duration, self.speed + gain)
     }
 
     /// The same flight, begun anew at a time of it.
     #[must_use]
     pub fn restarted(&self, time: Instant) -> Self {
-        let duration = time.since(self.since);
-        let gain = self.acceleration * duration;
-        let way = self.displacement_low + (self.speed + 0.5 * gain) * duration;
-        let displacement = self.displacement + way;
-        // The rounding error of that sum (Knuth), exactly.
-        let part = displacement - self.displacement;
-        let displacement_low = (self.displacement - (displacement - part)) + (way - part);
-        Self { displacement, displacement_low, speed: self.speed + gain, since: time, ..*self }
+        let (way, speed) = self.flown(time);
+        let (displacement, displacement_low) = two_sum(self.displacement, way);
+        Self { displacement, displacement_low, speed, since: time, ..*self }
     }
 
     /// Kinetic energy at a time of the flight \[energy\].

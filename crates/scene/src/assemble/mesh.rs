@@ -47,19 +47,23 @@ impl Assembler<'_> {
             return None;
         }
         let place = self.place_of(Path::new(file));
+        // Another file that a change names must be there, and be the same.
         let is_set = self.document.is_overridden(&path);
-        let kept = || config.hash.as_deref().filter(|_| !is_set).and_then(|hash| self.states.mesh(hash));
-        let file = match (MeshFile::read(&place), &config.hash) {
-            (Ok(file), None) => file,
-            (Ok(file), Some(known)) if file.hash == *known => file,
-            (read, known) => match (kept(), known, read) {
-                (Some(corners), Some(known), _) => MeshFile { corners, hash: known.clone() },
-                (_, _, Ok(_)) => {
+        let known = config.hash.as_ref();
+        let kept = || {
+            let hash = known.filter(|_| !is_set)?;
+            Some(MeshFile { corners: self.states.mesh(hash)?, hash: hash.clone() })
+        };
+        let file = match MeshFile::read(&place) {
+            Ok(file) if known.is_none_or(|known| *known == file.hash) => file,
+            read => match (kept(), read) {
+                (Some(file), _) => file,
+                (None, Ok(_)) => {
                     let why = "has changed since the run began: it goes on only with the same mesh";
                     self.document.report(&path, why);
                     return None;
                 }
-                (_, _, Err(error)) => {
+                (None, Err(error)) => {
                     self.unreadable |= matches!(error, MeshFileError::Unreadable(_));
                     self.document.report_why(&path, Why::stated(error.to_string()));
                     return None;

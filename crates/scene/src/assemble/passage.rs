@@ -186,26 +186,20 @@ impl Assembler<'_> {
         walls: &[Wall],
         species: &[SpeciesPlan],
     ) {
-        for (k, inlet) in passages.flow.inlets.iter().enumerate() {
-            for axis in 0..self.dimension.count() {
-                let (low, high) = (inlet.place.low[axis], inlet.place.high[axis]);
-                if domain.boundary[axis] != Boundary::Open && (low < 0.0 || high > domain.size[axis]) {
-                    let name = ["x", "y", "z"][axis];
-                    let why = format!("must be within the box along {name}, from 0 to {}", domain.size[axis]);
-                    self.document.refuse(&item("inlet", k, "box"), why);
-                }
-            }
-        }
-        for (k, outlet) in passages.flow.outlets.iter().enumerate() {
-            for axis in 0..self.dimension.count() {
-                let (low, high) = (outlet.place.low[axis], outlet.place.high[axis]);
-                if domain.boundary[axis] != Boundary::Open && (high < 0.0 || low > domain.size[axis]) {
-                    let name = ["x", "y", "z"][axis];
-                    let why = format!(
-                        "no particle can be there: along {name} the box is from 0 to {}",
-                        domain.size[axis]
-                    );
-                    self.document.refuse(&item("outlet", k, "box"), why);
+        let (inlets, outlets) = (&passages.flow.inlets, &passages.flow.outlets);
+        let inlets = inlets.iter().enumerate().map(|(k, inlet)| ("inlet", k, &inlet.place));
+        let outlets = outlets.iter().enumerate().map(|(k, outlet)| ("outlet", k, &outlet.place));
+        for (kind, k, place) in inlets.chain(outlets) {
+            for axis in (0..self.dimension.count()).filter(|&axis| domain.boundary[axis] != Boundary::Open) {
+                let (low, high, size) = (place.low[axis], place.high[axis], domain.size[axis]);
+                let name = ["x", "y", "z"][axis];
+                // Grains come in anywhere in an inlet, and leave where an outlet is in the box.
+                if kind == "inlet" && (low < 0.0 || high > size) {
+                    let why = format!("must be within the box along {name}, from 0 to {size}");
+                    self.document.refuse(&item(kind, k, "box"), why);
+                } else if high < 0.0 || low > size {
+                    let why = format!("no particle can be there: along {name} the box is from 0 to {size}");
+                    self.document.refuse(&item(kind, k, "box"), why);
                 }
             }
         }
