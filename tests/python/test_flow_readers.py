@@ -105,7 +105,7 @@ def test_runs_that_begin_empty_have_figures_and_exports(dimension, tmp_path):
         assert analysis.velocity_histogram(run)[1].sum() > 0
         haff.view(run, tmp_path / "a.html")
     outside = {"box": [[11.0] + [0.0] * (dimension - 1), [12.0] + [2.0] * (dimension - 1)]}
-    with pytest.raises(haff.SceneError, match="no particle can be there: along x the box is from 0 to 10"):
+    with pytest.raises(haff.SceneError, match="must reach into the box along x, from 0 to 10"):
         haff.validate(scene | {"outlet": [outside]})
 
 

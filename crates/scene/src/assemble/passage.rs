@@ -198,7 +198,7 @@ impl Assembler<'_> {
                     let why = format!("must be within the box along {name}, from 0 to {size}");
                     self.document.refuse(&item(kind, k, "box"), why);
                 } else if high < 0.0 || low > size {
-                    let why = format!("no particle can be there: along {name} the box is from 0 to {size}");
+                    let why = format!("must reach into the box along {name}, from 0 to {size}");
                     self.document.refuse(&item(kind, k, "box"), why);
                 }
             }
