@@ -13,6 +13,7 @@ import argparse
 import math
 import subprocess
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +107,8 @@ def discharge(options: argparse.Namespace, aperture: float, seed: int) -> tuple[
     with tempfile.TemporaryDirectory() as folder:
         scene, file = Path(folder) / "hopper.toml", Path(folder) / "hopper.h5"
         scene.write_text((SCENE[options.dimension] + LAWS).format(**values))
-        subprocess.run([options.haff, "run", scene, "-o", file, "-q"], check=True)
+        command = [options.haff, "run", scene, "-o", file, "-q", "--threads", "1"]
+        subprocess.run(command, check=True)
         with haff.open(file) as run:
             rate = run.means.loc["discharge_rate"]
     return float(rate["mean"]), float(rate["error"]), float(rate["start"])
@@ -121,13 +123,19 @@ def main() -> None:
     parser.add_argument("--haff", default="haff")
     parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
     parser.add_argument("--until", type=float, default=70.0)
+    parser.add_argument("--seeds", type=int, default=1, help="runs of each aperture")
+    parser.add_argument("--jobs", type=int, default=1, help="runs at the same time")
     options = parser.parse_args()
     rates = []
     print("| aperture D | grains a time | error | steady from |\n|---|---|---|---|")
-    for aperture in APERTURES[options.dimension]:
-        rate, error, start = discharge(options, aperture, seed=1)
-        rates.append((aperture, rate, error))
-        print(f"| {aperture} | {rate:.3f} | {error:.3f} | {start:.0f} |", flush=True)
+    with ThreadPoolExecutor(options.jobs) as pool:
+        for aperture in APERTURES[options.dimension]:
+            runs = [pool.submit(discharge, options, aperture, seed) for seed in range(1, options.seeds + 1)]
+            found = np.array([run.result() for run in runs])
+            rate, start = found[:, 0].mean(), found[:, 2].max()
+            error = math.sqrt(np.sum(found[:, 1] ** 2)) / options.seeds
+            rates.append((aperture, rate, error))
+            print(f"| {aperture} | {rate:.3f} | {error:.3f} | {start:.0f} |", flush=True)
     D, W, error = np.array(rates).T
     expected = {2: 1.5, 3: 2.5}[options.dimension]
     found, covariance = curve_fit(law, D, W, (1.0, 1.5, expected), sigma=error, absolute_sigma=True)

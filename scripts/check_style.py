@@ -4,6 +4,7 @@
 * Comments in Rust sources are at most 110 characters wide, the ``max_width`` of rustfmt.toml, which rustfmt does
   not apply to comments. Rows of Markdown tables and lines with a URL are exempt, since they cannot be wrapped.
 * Sources and pages contain no word of ``PERSONS``: particles and programs are not persons.
+* A file of the repository that they name in backquotes is there, from the root or from that of their crate.
 
 Prints one line per finding, ``file:line: message``, and exits with status 1 if there are any.
 
@@ -32,6 +33,9 @@ WORDED = ("crates", "python", "scripts", "docs", "tests", "benches", "README.md"
 
 EXEMPT = ("scripts/check_style.py", "python/haff/viewer/vendor/")
 """Files and folders with these words: this list of them, and licenses of third parties."""
+
+PATH = re.compile(r"`((?:python|crates|tests|benches|scripts|packaging|configs|docs|examples)/[\w./-]+\.\w+)`")
+"""A file that is named."""
 
 TOKEN = re.compile(
     r"""
@@ -98,6 +102,15 @@ def persons(path: Path, source: str) -> Iterator[str]:
             yield f'{path}:{number}: "{found[0]}": name the particle, program or user instead'
 
 
+def missing(path: Path, source: str) -> Iterator[str]:
+    """Yields a finding for each file that is named and is not there."""
+    roots = [ROOT, *(ROOT / parent for parent in path.parents if (ROOT / parent / "Cargo.toml").is_file())]
+    for number, line in enumerate(source.split("\n"), 1):
+        for name in PATH.findall(line):
+            if not any((root / name).exists() for root in roots):
+                yield f"{path}:{number}: {name}: there is no such file"
+
+
 def findings() -> Iterator[str]:
     """Yields all findings, those of one check after those of the other."""
     for path in files(COMMENTED):
@@ -106,7 +119,10 @@ def findings() -> Iterator[str]:
     for path in files(WORDED):
         if not path.as_posix().startswith(EXEMPT):
             # Files that are not text have no words.
-            yield from persons(path, (ROOT / path).read_bytes().decode("utf-8", errors="replace"))
+            source = (ROOT / path).read_bytes().decode("utf-8", errors="replace")
+            yield from persons(path, source)
+            if path.suffix in {".rs", ".py", ".js", ".md"}:
+                yield from missing(path, source)
 
 
 def main() -> int:

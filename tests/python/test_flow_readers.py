@@ -1,13 +1,15 @@
 """Readers of runs in which particles come and go, or change from outside: tables, paths and analyses."""
 
+import inspect
 import json
+import warnings
 
 import numpy as np
 import pytest
 
 import haff
 from haff import analysis
-from haff.figures import trajectories
+from haff.figures import movie, snapshot, trajectories
 
 # Four disks in a box, others that come in at the top, and a corner at which they leave.
 RAIN = {
@@ -83,12 +85,13 @@ def test_species_of_inlets_have_profiles(tmp_path):
         assert profile["species_density"].sel(species="b").max() > 0
 
 
+@pytest.mark.parametrize("boundary", ["periodic", "open"])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_runs_that_begin_empty_have_figures_and_exports(dimension, tmp_path):
+def test_runs_that_begin_empty_have_figures_and_exports(dimension, boundary, tmp_path):
     box = [[1.0] * dimension, [9.0] * dimension]
     scene = {
         "dimension": dimension,
-        "domain": {"size": [10.0] * dimension},
+        "domain": {"size": [10.0] * dimension, "boundary": [boundary] * dimension},
         "species": [{"name": "drop", "count": 0, "radius": 0.3, "mass": 1.0}],
         "inlet": [{"species": "drop", "box": box, "temperature": 1.0, "rate": 2.0, "count": 20}],
         "outlet": [{"box": [[0.0] * dimension, [2.0] * dimension]}],
@@ -99,14 +102,50 @@ def test_runs_that_begin_empty_have_figures_and_exports(dimension, tmp_path):
         assert len(run.frames[0].position) == 0 and len(run.frames[-1].position) > 0
         run.export(tmp_path / "a.extxyz")
         assert haff.plot(run, "snapshot").axes
+        empty = run.frames[:1]
+        assert movie.save(run, tmp_path / "a.gif", frames=0).exists()
+        assert len(empty[0].to_freud()[1]) == 0 and len(empty[0].to_pandas()) == 0
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            snapshot.draw(run, 0)
         assert analysis.cluster_history(run)["largest"].iloc[0] == 0
         with pytest.raises(haff.NotApplicableError, match="no particle is there at t = 0"):
             analysis.clusters(run.frames[0])
         assert analysis.velocity_histogram(run)[1].sum() > 0
         haff.view(run, tmp_path / "a.html")
     outside = {"box": [[11.0] + [0.0] * (dimension - 1), [12.0] + [2.0] * (dimension - 1)]}
-    with pytest.raises(haff.SceneError, match="must reach into the box along x, from 0 to 10"):
-        haff.validate(scene | {"outlet": [outside]})
+    if boundary == "periodic":
+        with pytest.raises(haff.SceneError, match="must reach into the box along x, from 0 to 10"):
+            haff.validate(scene | {"outlet": [outside]})
+
+
+def test_an_inlet_has_room_for_its_smallest_particle():
+    """Walls at y = 0 and 20; the smallest radius of species a is 0.3, that of b 0.4."""
+    for species, low, fits in (("a", 19.7, False), ("a", 19.69, True), ("b", 19.6, False), ("b", 19.59, True)):
+        inlet = {"species": species, "box": [[1.0, low], [11.0, 20.0]], "rate": 1.0, "count": 4}
+        scene = RAIN | {"inlet": [inlet]}
+        if fits:
+            haff.validate(scene)
+            continue
+        with pytest.raises(
+            haff.SceneError, match=r"must have places for centers of particles of radius 0\.[34]: along y"
+        ):
+            haff.validate(scene)
+    refill = {"refill": True, "box": [[0.0, 14.0], [0.3, 18.0]]}
+    with pytest.raises(haff.SceneError, match=r"of radius 0\.3: along x between 0\.3 and 11\.7"):
+        haff.validate(RAIN | {"inlet": [RAIN["inlet"][1], refill]})
+
+
+def test_all_analyses_check_what_they_are_given():
+    """One of them took a frame for a file, and ended with an AttributeError."""
+    functions = [getattr(analysis, name) for name in analysis.__all__]
+    taking = [
+        function
+        for function in filter(inspect.isfunction, functions)
+        if any("Record" in kind or "Frame" in kind for kind in map(str, function.__annotations__.values()))
+    ]
+    assert len(taking) > 30
+    assert [function.__name__ for function in taking if not hasattr(function, "__wrapped__")] == []
 
 
 TOUCHING = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 
 import h5py
 import numpy as np
@@ -235,3 +236,21 @@ def test_damaged_pistons_are_named(press, tmp_path):
             file[place][...] = value
         with haff.open(path) as run, pytest.raises(haff.FileError, match=why):
             run.frames.array("piston_position")
+
+
+@pytest.mark.parametrize(
+    ("change", "warns"),
+    [
+        ({}, True),
+        ({"contact": {"restitution": 0.9, "tc": 1e-5}}, False),
+        ({"contact": {"restitution": 1.0}}, False),
+        ({"drive": [{"kind": "white_noise", "strength": 0.1, "interval": 0.1}]}, False),
+    ],
+)
+def test_hops_without_end_under_a_piston_are_told(change, warns):
+    walls = [dict(wall) | {"restitution": 1.0} for wall in PRESS["wall"]]
+    domain = PRESS["domain"] | {"gravity": [0.0, 0.0, 0.0]}
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        haff.Simulation(PRESS | {"domain": domain, "wall": walls} | change).close()
+    assert any("the wall lid has the restitution 1 and presses grains" in str(one.message) for one in found) == warns

@@ -22,7 +22,7 @@ use signal_hook::{
 use crate::terminal::failure::{Failure, Status};
 
 /// If this variable is set, standard input is a pipe that only the starting process holds open: its end is
-/// the end of that process, however it has ended. `python/haff/command.py` sets it, too.
+/// the end of that process, however it has ended. `python/haff/command/call.py` sets it, too.
 const ENDS_WITH_STDIN: &str = "HAFF_ENDS_WITH_STDIN";
 
 /// Has `command`, which is `haff`, end with this process: as long as this one lives and keeps the standard

@@ -2,7 +2,7 @@
 //!
 //! It links the engine, the linkages and the reader of scenes, but not HDF5: h5py contains its own copy, and
 //! two copies in one process conflict. Runs that write files are made by the command `haff`, which is in the
-//! same wheel. The public interface is the Python around it (`python/haff/simulation.py` and others);
+//! same wheel. The public interface is the Python around it (`python/haff/live/simulation.py` and others);
 //! signatures and shapes are in `_engine.pyi`.
 
 // Without the feature this crate is empty, and pyo3 is not compiled.

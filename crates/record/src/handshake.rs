@@ -12,7 +12,7 @@
 //!   that it waits, so that no other begins. Both sides wait for a limited time: a flush goes on beside a
 //!   reader that is stopped, which then finds the counter changed. The locks of a process end with it.
 //!
-//! `python/haff/handshake.py` is the reader's part in Python.
+//! `python/haff/files/handshake.py` is the reader's part in Python.
 
 use std::{
     fs, io,

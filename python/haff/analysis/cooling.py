@@ -136,6 +136,7 @@ def fitted(file: Recording, law: CoolingLaw) -> Fit | None:
     return Fit(float(1 / slope), float(t[count - 1]), count == len(t)) if slope > 0 else None
 
 
+@checked
 def heated_state(file: Recording) -> HeatedState:
     """The steady state expected for a gas heated by white noise, by Enskog's theory.
 

@@ -85,7 +85,8 @@ def spheres(
         ))
     )  # fmt: skip
     depth, owner = _nearest(balls, width, height)
-    surroundings = _Surroundings.of(depth, max(2.0, 0.9 * float(np.median(balls.r))))
+    middle = float(np.median(balls.r)) if len(balls.r) else 0.0
+    surroundings = _Surroundings.of(depth, max(2.0, 0.9 * middle))
     small = np.empty((height // 2, width // 2, 4), np.float32)
     for low in range(0, height, BAND):
         band = slice(low, min(low + BAND, height))
@@ -166,7 +167,7 @@ def _shaded(balls: _Balls, depth: Single, owner: Owners, band: slice, surroundin
     # Creases: a pixel well below its surroundings gets less light from the sky.
     shade *= 1 - np.float32(0.5) * np.clip(surroundings.below(depth, band)[seen], 0, 1)
     # Distance: the far side fades a little towards the paper.
-    near, far = balls.z.max(), balls.z.min()
+    near, far = balls.z.max(initial=-np.inf), balls.z.min(initial=np.inf)
     fade = np.clip(np.float32(0.28) * (near - depth[seen]) / (near - far), 0, 1) if near > far else np.float32(0)
     fine = np.zeros((4, *owner.shape), np.float32)
     for channel in range(3):

@@ -114,7 +114,7 @@ def _spheres(frame: Frame, axes, color, view: View, camera: Camera, pixels: int)
     low, high, bound = view
     corners = _corners(low, high)
     projected = camera.project(corners)
-    reach = frame.radius.max()
+    reach = frame.radius.max(initial=0.0)
     window = (
         projected[:, 0].min() - reach, projected[:, 0].max() + reach,
         projected[:, 1].min() - reach, projected[:, 1].max() + reach,

@@ -63,12 +63,13 @@ def frame_system(frame: Placed) -> tuple[freud.box.Box, Array]:
         return freud_system(box, frame.position)
     # freud looks for pairs in periodic boxes only. In a box of twice the extent no image is nearer than the extent,
     # and freud accepts no distance from half of its box on: no pair is found across these faces.
-    middle, edges = 0.5 * box.size[:d], box.size[:d].copy()
+    middle, edges, diameter = 0.5 * box.size[:d], box.size[:d].copy(), 2 * float(frame.radius.max(initial=0.0))
     for k in np.flatnonzero(~box.periodic[:d]):
-        low, high = float(frame.position[:, k].min()), float(frame.position[:, k].max())
+        there = frame.position[:, k] if len(frame.position) else middle[k : k + 1]
+        low, high = float(there.min()), float(there.max())
         if box.boundary[k] == "wall":
             low, high = min(low, 0.0), max(high, float(box.size[k]))
-        middle[k], edges[k] = 0.5 * (low + high), 2 * max(high - low, 2 * float(frame.radius.max()))
+        middle[k], edges[k] = 0.5 * (low + high), 2 * max(high - low, diameter or float(box.size[k]))
     position = frame.position.copy()
     position[:, :d] += 0.5 * edges - middle
     return freud_system(box, position, edges)

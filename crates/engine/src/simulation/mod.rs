@@ -23,6 +23,7 @@ mod epochs;
 pub(crate) mod initial;
 mod population;
 mod present;
+pub(crate) mod pressing;
 pub(crate) mod run;
 pub(crate) mod searches;
 pub(crate) mod valid;

@@ -2,11 +2,15 @@
 
 use crate::{
     model::System,
-    simulation::{bouncing::endless_bounces_warning, clustering::clustering_warning},
+    simulation::{
+        bouncing::endless_bounces_warning, clustering::clustering_warning, pressing::pressing_piston_warning,
+    },
 };
 
 /// All warnings for a scene, as texts without a final point. `haff check`, runs, sweeps and Python show the
 /// same ones.
 pub fn warnings(system: &System) -> Vec<String> {
-    [clustering_warning(system), endless_bounces_warning(system)].into_iter().flatten().collect()
+    let found =
+        [clustering_warning(system), endless_bounces_warning(system), pressing_piston_warning(system)];
+    found.into_iter().flatten().collect()
 }

@@ -203,6 +203,7 @@ impl Assembler<'_> {
                 }
             }
         }
+        self.check_room(passages, domain, species);
         for supplied in &passages.supplied {
             let [least, largest] = species[supplied.species].radius.range();
             let place = &passages.flow.inlets[supplied.inlet].place;
@@ -225,6 +226,33 @@ impl Assembler<'_> {
             if holes.into_iter().any(|hole| hole.radius < largest * bounds::LEAST_HOLE) {
                 self.document
                     .report(&path, format!("has radii of {largest}, larger than a hole of the walls"));
+            }
+        }
+    }
+
+    /// Checks that the smallest particle of each inlet has a place between the walls of the box.
+    fn check_room(&mut self, passages: &Passages, domain: &Domain, species: &[SpeciesPlan]) {
+        for (k, inlet) in passages.flow.inlets.iter().enumerate() {
+            let supplied = passages.supplied.iter().find(|supplied| supplied.inlet == k);
+            let comes_in = match (&inlet.supply, supplied) {
+                (Supply::Refill { species, .. }, _) => species.iter().map(|&k| k as usize).collect(),
+                (Supply::Rate { .. }, Some(supplied)) => vec![supplied.species],
+                (Supply::Rate { .. }, None) => Vec::new(),
+            };
+            // Of particles placed by hand only those that are there are known.
+            let plans = comes_in.iter().map(|&k| species.get(k).map(|plan| plan.radius.range()[0]));
+            let Some(least) = plans.collect::<Option<Vec<f64>>>() else { continue };
+            let least = least.into_iter().fold(f64::INFINITY, f64::min);
+            let walled = |axis: &usize| domain.boundary[*axis] == Boundary::Wall;
+            for axis in (0..self.dimension.count()).filter(walled) {
+                let (from, to) = (least, domain.size[axis] - least);
+                if least.is_finite() && (inlet.place.high[axis] <= from || inlet.place.low[axis] >= to) {
+                    let name = ["x", "y", "z"][axis];
+                    let why = format!(
+                        "must have places for centers of particles of radius {least}: along {name} between {from} and {to}"
+                    );
+                    self.document.refuse(&item("inlet", k, "box"), why);
+                }
             }
         }
     }
