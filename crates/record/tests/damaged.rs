@@ -240,17 +240,27 @@ fn run(test: &str, task: &str) -> Result<(), String> {
     Err(format!("{line}: {status}; {}", err.trim()))
 }
 
-/// `HAFF_MUTATIONS` sets the number of files, `HAFF_MUTATION` the first seed.
 #[test]
 fn damaged_files_give_errors() {
     if let Ok(task) = env::var(CHILD) {
         return child(&task);
     }
+    damage_files(80);
+}
+
+#[test]
+#[ignore = "long: scripts/test all"]
+fn many_damaged_files_give_errors() {
+    damage_files(300);
+}
+
+/// `HAFF_MUTATIONS` sets another number of files, `HAFF_MUTATION` the first seed.
+fn damage_files(count: u64) {
     let directory = tempfile::tempdir().expect("a directory for the test");
     for (name, particles, complete) in WHOLE {
         write(&directory.path().join(name), particles, complete).expect("a file");
     }
-    let count = env::var("HAFF_MUTATIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(300);
+    let count = env::var("HAFF_MUTATIONS").ok().and_then(|text| text.parse().ok()).unwrap_or(count);
     let folder = directory.path().display();
     let mut failures = Vec::new();
     let mut from = env::var("HAFF_MUTATION").ok().and_then(|text| text.parse().ok()).unwrap_or(0);

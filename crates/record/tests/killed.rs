@@ -156,9 +156,20 @@ fn a_killed_writer_leaves_a_file_that_is_readable_and_resumable() {
         write(&path, particles, Duration::from_millis(5)).expect("the child is killed before it fails");
         return;
     }
+    kill_writers(20);
+}
+
+#[test]
+#[ignore = "long: scripts/test all"]
+fn many_killed_writers_leave_files_that_are_readable_and_resumable() {
+    kill_writers(60);
+}
+
+/// `HAFF_RECORD_KILLS` sets another number.
+fn kill_writers(kills: u64) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let directory = tempfile::tempdir().expect("a directory for the test");
-    let kills = env::var("HAFF_RECORD_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(60);
+    let kills = env::var("HAFF_RECORD_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(kills);
     let (mut most, mut too_early) = (0, 0);
     for kill in 0.. {
         if kill >= kills && most > 10 && too_early < kill / 2 {

@@ -27,9 +27,8 @@ pub fn pressing_piston_warning(system: &System) -> Option<String> {
     if is_fed || !loses || system.contacts.tc > 0.0 {
         return None;
     }
-    let suitable = suitable_contact_duration(system).map_or(String::new(), |tc| {
-        format!(", for example {}", significant(tc, 2))
-    });
+    let suitable = suitable_contact_duration(system)
+        .map_or(String::new(), |tc| format!(", for example {}", significant(tc, 2)));
     Some(format!(
         "the wall {} has the restitution 1 and presses grains together that lose energy: in the end they hop \
          under it in ever shorter times; set contact.tc{suitable}",

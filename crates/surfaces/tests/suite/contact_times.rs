@@ -1,5 +1,5 @@
-//! Contact times with every shape against 400-bit arithmetic, with and without gravity: 10⁵ random flights
-//! each.
+//! Contact times with every shape against 400-bit arithmetic, with and without gravity: up to 10⁵ random
+//! flights each.
 
 use glam::DVec3;
 use haff_mechanics::{RelativeFlight, Surface};
@@ -8,7 +8,8 @@ use haff_testing::Random;
 
 use crate::big::{Big, Vector, big, flight, from_profile, from_triangle, nearest};
 
-/// Flights of each shape, half of them under gravity.
+/// Flights of each shape, half of them under gravity: before a commit, and in all tests.
+const FEW: usize = 5_000;
 const FLIGHTS: usize = 100_000;
 /// Within these times contacts are wanted.
 const WITHIN: f64 = 30.0;
@@ -30,10 +31,17 @@ struct Found {
 }
 
 /// Flies past a shape from everywhere around it, and compares the times with the exact distances.
-fn check(name: &str, seed: u64, surface: &dyn Surface, exact: impl Fn(&Vector) -> Big, size: f64) -> Found {
+fn check(
+    flights: usize,
+    name: &str,
+    seed: u64,
+    surface: &dyn Surface,
+    exact: impl Fn(&Vector) -> Big,
+    size: f64,
+) -> Found {
     let mut random = Random(seed);
     let mut found = Found::default();
-    while found.contacts + found.misses < FLIGHTS {
+    while found.contacts + found.misses < flights {
         let radius = 0.3 * 10_f64.powf(random.uniform(-1.5, 0.5));
         let position = DVec3::from_array([0; 3].map(|_| random.uniform(-size, size)));
         if surface.distance(position) < radius {
@@ -77,13 +85,23 @@ fn check(name: &str, seed: u64, surface: &dyn Surface, exact: impl Fn(&Vector) -
         assert!(error < BOUND, "{name}: {path:?} {radius}: {time} is off by {error} tolerances");
     }
     println!("{name:34} {found:?}");
-    assert!(found.contacts > FLIGHTS / 20, "{name}: {found:?}");
+    assert!(found.contacts > flights / 20, "{name}: {found:?}");
     assert!(found.beyond < found.contacts / 50, "{name}: {found:?}");
     found
 }
 
 #[test]
 fn spheres() {
+    past_spheres(FEW);
+}
+
+#[test]
+#[ignore = "long: scripts/test all"]
+fn spheres_in_many_flights() {
+    past_spheres(FLIGHTS);
+}
+
+fn past_spheres(flights: usize) {
     let center = DVec3::new(0.3, -0.2, 0.1);
     for side in [Side::Inside, Side::Outside, Side::Both] {
         let sphere = Sphere { center, radius: 2.0, side };
@@ -91,12 +109,22 @@ fn spheres() {
             let height = x.minus(&Vector::of(center)).length() - big(2.0);
             if height < Big::ZERO { -height } else { height }
         };
-        check(&format!("sphere, {side:?}"), 11, &sphere, exact, 4.0);
+        check(flights, &format!("sphere, {side:?}"), 11, &sphere, exact, 4.0);
     }
 }
 
 #[test]
 fn cylinders() {
+    past_cylinders(FEW);
+}
+
+#[test]
+#[ignore = "long: scripts/test all"]
+fn cylinders_in_many_flights() {
+    past_cylinders(FLIGHTS);
+}
+
+fn past_cylinders(flights: usize) {
     let (point, axis) = (DVec3::new(0.1, 0.2, -1.3), DVec3::new(0.3, -0.4, 1.2));
     let radius = 1.7;
     let line = |a: [f64; 2], b: [f64; 2], limited| (a.map(big), b.map(big), limited);
@@ -104,6 +132,7 @@ fn cylinders() {
         let whole = [line([radius, 0.0], [radius, 1.0], false)];
         let exact = |x: &Vector| from_profile(x, point, axis, &whole);
         check(
+            flights,
             &format!("cylinder, {side:?}"),
             12,
             &Revolution::cylinder(point, axis, radius, side),
@@ -119,12 +148,22 @@ fn cylinders() {
         }
         let surface = Revolution::finite_cylinder(point, axis, radius, length, side);
         let exact = |x: &Vector| from_profile(x, point, axis, &lines);
-        check(&format!("cylinder of finite length, {side:?}"), 13, &surface, exact, 4.0);
+        check(flights, &format!("cylinder of finite length, {side:?}"), 13, &surface, exact, 4.0);
     }
 }
 
 #[test]
 fn cones() {
+    past_cones(FEW);
+}
+
+#[test]
+#[ignore = "long: scripts/test all"]
+fn cones_in_many_flights() {
+    past_cones(FLIGHTS);
+}
+
+fn past_cones(flights: usize) {
     let (apex, axis, angle) = (DVec3::new(0.1, 0.2, -2.3), DVec3::new(0.3, -0.4, 1.2), 0.6_f64);
     // The shape has the rounded sine and cosine of the angle.
     let (sin, cos) = angle.sin_cos();
@@ -142,13 +181,23 @@ fn cones() {
                 lines.extend(ends.map(|z| ([big(0.0), big(z)], [big(z * (sin / cos)), big(z)], true)));
             }
             let exact = |x: &Vector| from_profile(x, apex, axis, &lines);
-            check(&format!("cone from {start} to {end}, {side:?}"), 14, &surface, exact, 4.0);
+            check(flights, &format!("cone from {start} to {end}, {side:?}"), 14, &surface, exact, 4.0);
         }
     }
 }
 
 #[test]
 fn rectangles_and_meshes() {
+    past_rectangles_and_meshes(FEW);
+}
+
+#[test]
+#[ignore = "long: scripts/test all"]
+fn rectangles_and_meshes_in_many_flights() {
+    past_rectangles_and_meshes(FLIGHTS);
+}
+
+fn past_rectangles_and_meshes(flights: usize) {
     let rectangle = Rectangle {
         center: DVec3::new(0.1, 0.2, 0.3),
         normal: DVec3::Z,
@@ -161,8 +210,8 @@ fn rectangles_and_meshes() {
         [corner(-1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
     ];
     let exact = |x: &Vector| from_triangle(x, triangles[0]).min(from_triangle(x, triangles[1]));
-    check("rectangle", 15, &rectangle, exact, 3.0);
-    check("two triangles", 16, &Mesh::new(&triangles, Side::Both).unwrap(), exact, 3.0);
+    check(flights, "rectangle", 15, &rectangle, exact, 3.0);
+    check(flights, "two triangles", 16, &Mesh::new(&triangles, Side::Both).unwrap(), exact, 3.0);
 
     // An octahedron, from both sides: faces, edges and corners, convex and concave.
     let tip = |k: usize, side: f64| {
@@ -178,6 +227,6 @@ fn rectangles_and_meshes() {
     }
     let exact = |x: &Vector| faces.iter().map(|&face| from_triangle(x, face)).reduce(Ord::min).unwrap();
     for side in [Side::Inside, Side::Outside, Side::Both] {
-        check(&format!("octahedron, {side:?}"), 17, &Mesh::new(&faces, side).unwrap(), exact, 3.0);
+        check(flights, &format!("octahedron, {side:?}"), 17, &Mesh::new(&faces, side).unwrap(), exact, 3.0);
     }
 }
