@@ -4,7 +4,7 @@
 * Comments in Rust sources are at most 110 characters wide, the ``max_width`` of rustfmt.toml, which rustfmt does
   not apply to comments. Rows of Markdown tables and lines with a URL are exempt, since they cannot be wrapped.
 * Sources and pages contain no word of ``PERSONS``: particles and programs are not persons.
-* A file of the repository that they name in backquotes is there, from the root or from that of their crate.
+* A file that they name in backquotes is there, from the root or from that of their crate, unless a build makes it.
 
 Prints one line per finding, ``file:line: message``, and exits with status 1 if there are any.
 
@@ -102,12 +102,17 @@ def persons(path: Path, source: str) -> Iterator[str]:
             yield f'{path}:{number}: "{found[0]}": name the particle, program or user instead'
 
 
+def is_ignored(name: str) -> bool:
+    """Whether git ignores a file: it is made by a build."""
+    return subprocess.run(["git", "check-ignore", "--quiet", name], cwd=ROOT).returncode == 0
+
+
 def missing(path: Path, source: str) -> Iterator[str]:
     """Yields a finding for each file that is named and is not there."""
     roots = [ROOT, *(ROOT / parent for parent in path.parents if (ROOT / parent / "Cargo.toml").is_file())]
     for number, line in enumerate(source.split("\n"), 1):
         for name in PATH.findall(line):
-            if not any((root / name).exists() for root in roots):
+            if not any((root / name).exists() for root in roots) and not is_ignored(name):
                 yield f"{path}:{number}: {name}: there is no such file"
 
 

@@ -113,6 +113,7 @@ fn unknown_keys_are_found_in_tables_of_every_form() {
 }
 
 #[test]
+#[ignore = "long: scripts/test all"]
 fn reading_time_is_linear_in_the_length_of_the_file() {
     const COUNT: usize = 20_000;
     // Many names of the wrong kind, duplicate names, or unknown names.
