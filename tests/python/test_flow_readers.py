@@ -131,6 +131,9 @@ def test_an_inlet_has_room_for_its_smallest_particle():
             haff.SceneError, match=r"must have places for centers of particles of radius 0\.[34]: along y"
         ):
             haff.validate(scene)
+    # A wall that oscillates leaves room at times.
+    moving = {"name": "y+", "motion": {"kind": "sine", "amplitude": 1.0, "frequency": 1.0}}
+    haff.validate(RAIN | {"inlet": [inlet | {"box": [[1.0, 19.8], [11.0, 20.0]]}], "wall": [moving]})
     refill = {"refill": True, "box": [[0.0, 14.0], [0.3, 18.0]]}
     with pytest.raises(haff.SceneError, match=r"of radius 0\.3: along x between 0\.3 and 11\.7"):
         haff.validate(RAIN | {"inlet": [RAIN["inlet"][1], refill]})

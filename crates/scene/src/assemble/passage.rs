@@ -1,7 +1,9 @@
 //! Inlets and outlets.
 
 use glam::DVec3;
-use haff_engine::{Body, Boundary, Dimension, Domain, Flow, Inlet, Outlet, Supply, System, Wall, bounds};
+use haff_engine::{
+    Body, Boundary, Dimension, Domain, Flow, Inlet, Outlet, Supply, System, Wall, WallMotion, bounds,
+};
 use haff_placement::random::{Purpose, Stream};
 
 use super::{
@@ -203,7 +205,7 @@ impl Assembler<'_> {
                 }
             }
         }
-        self.check_room(passages, domain, species);
+        self.check_room(passages, domain, walls, species);
         for supplied in &passages.supplied {
             let [least, largest] = species[supplied.species].radius.range();
             let place = &passages.flow.inlets[supplied.inlet].place;
@@ -231,7 +233,16 @@ impl Assembler<'_> {
     }
 
     /// Checks that the smallest particle of each inlet has a place between the walls of the box.
-    fn check_room(&mut self, passages: &Passages, domain: &Domain, species: &[SpeciesPlan]) {
+    fn check_room(&mut self, passages: &Passages, domain: &Domain, walls: &[Wall], species: &[SpeciesPlan]) {
+        // A wall that oscillates may leave room at other times.
+        let is_walled = |axis: &usize| {
+            let name = ["x", "y", "z"][*axis];
+            let oscillates = |wall: &Wall| {
+                matches!(wall.motion, WallMotion::Oscillating(_))
+                    && wall.name.strip_suffix(['-', '+']) == Some(name)
+            };
+            domain.boundary[*axis] == Boundary::Wall && !walls.iter().any(oscillates)
+        };
         for (k, inlet) in passages.flow.inlets.iter().enumerate() {
             let supplied = passages.supplied.iter().find(|supplied| supplied.inlet == k);
             let comes_in = match (&inlet.supply, supplied) {
@@ -243,8 +254,7 @@ impl Assembler<'_> {
             let plans = comes_in.iter().map(|&k| species.get(k).map(|plan| plan.radius.range()[0]));
             let Some(least) = plans.collect::<Option<Vec<f64>>>() else { continue };
             let least = least.into_iter().fold(f64::INFINITY, f64::min);
-            let walled = |axis: &usize| domain.boundary[*axis] == Boundary::Wall;
-            for axis in (0..self.dimension.count()).filter(walled) {
+            for axis in (0..self.dimension.count()).filter(&is_walled) {
                 let (from, to) = (least, domain.size[axis] - least);
                 if least.is_finite() && (inlet.place.high[axis] <= from || inlet.place.low[axis] >= to) {
                     let name = ["x", "y", "z"][axis];
