@@ -1,6 +1,6 @@
 """Damaged and foreign files: reading them succeeds or raises a :class:`haff.HaffError`.
 
-Reads 300 changed files, or as many as ``HAFF_MUTATIONS=10000`` gives.
+Reads 60 changed files before a commit, 300 in all tests, or as many as ``HAFF_MUTATIONS=10000`` gives.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("bounded")
 
 COUNT = int(os.environ.get("HAFF_MUTATIONS", "300"))
 SEED = int(os.environ.get("HAFF_MUTATIONS_SEED", "0"))
+COUNTS = [COUNT] if "HAFF_MUTATIONS" in os.environ else [COUNT // 5, pytest.param(COUNT, marks=pytest.mark.long)]
 SECONDS = 30
 """Processor time that a file may take; a sound one takes less than one."""
 GIB = 1 << 30
@@ -118,9 +119,10 @@ def test_valid_files_raise_no_unexpected_errors(worker, sound):
         assert not any("FileError" in error for error in found["errors"].values()), (path, found["errors"])
 
 
-def test_changed_files_are_read_or_refused(worker, sound, tmp_path):
+@pytest.mark.parametrize("count", COUNTS)
+def test_changed_files_are_read_or_refused(worker, sound, tmp_path, count):
     wrong, outcomes = [], Counter[str]()
-    for seed in range(SEED, SEED + COUNT):
+    for seed in range(SEED, SEED + count):
         source = sound[seed % len(sound)]
         # A new file each time: HDF5 recognizes a file that is still open.
         target = tmp_path / f"changed-{seed}.h5"
@@ -130,14 +132,14 @@ def test_changed_files_are_read_or_refused(worker, sound, tmp_path):
             wrong.append(f"seed {seed}, {source.name}: {done}\n  " + "\n  ".join(found["faults"] or [found["died"]]))
             if keep := os.environ.get("HAFF_MUTATIONS_KEEP"):
                 Path(keep, f"{seed}.h5").write_bytes(target.read_bytes())
-        if COUNT > 1000 and seed % 500 == 0:
+        if count > 1000 and seed % 500 == 0:
             print(f"seed {seed}: {len(wrong)} wrong, {dict(outcomes)}", flush=True)
         target.unlink()
         outcomes["refused" if any("FileError" in one for one in found["errors"].values()) else "read"] += 1
     print(f"\n{dict(outcomes)}")
-    assert not wrong, f"{len(wrong)} of {COUNT}:\n" + "\n".join(wrong)
+    assert not wrong, f"{len(wrong)} of {count}:\n" + "\n".join(wrong)
     # Some changes must have no effect, and some must be refused.
-    assert outcomes["read"] > 0.1 * COUNT and outcomes["refused"] > 0.3 * COUNT, outcomes
+    assert outcomes["read"] > 0.1 * count and outcomes["refused"] > 0.3 * count, outcomes
 
 
 def _limited() -> None:
@@ -146,11 +148,12 @@ def _limited() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
+@pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("arguments", [["info"], ["info", "--json"]], ids=" ".join)
-def test_command_reads_changed_files_or_refuses_them(sound, tmp_path, arguments):
+def test_command_reads_changed_files_or_refuses_them(sound, tmp_path, arguments, count):
     wrong = []
     target = tmp_path / "changed.h5"
-    for seed in range(SEED, SEED + COUNT, 3):
+    for seed in range(SEED, SEED + count, 3):
         done = mutate(sound[seed % len(sound)], target, seed)
         words = [str(executable()), *arguments, str(target)]
         try:

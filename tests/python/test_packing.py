@@ -268,6 +268,7 @@ def jammed():
     return np.mod(place, 1.0), radius, np.sort(pairs, axis=1)
 
 
+@pytest.mark.long
 def test_jammed_disks_are_isostatic(jammed):
     place, radius, pairs = jammed
     found = analysis.contact_network(place, radius, periodic(1.0, 1.0), tolerance=1e-7)
@@ -278,6 +279,7 @@ def test_jammed_disks_are_isostatic(jammed):
     assert found.rattlers.sum() < 8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("shrunk", "missed"), [(1e-4, 0.12), (1e-6, 0.03)])
 def test_contacts_of_moving_disks_are_those_of_the_jammed_packing(jammed, shrunk, missed):
     place, radius, pairs = jammed

@@ -20,6 +20,7 @@ DOUBT = 0.02
 of the grains that it hits, takes about R/(3λ) from its friction (Millikan's law); λ is some 30 R here."""
 
 
+@pytest.mark.long
 def test_an_intruder_diffuses_as_enskog_says(tmp_path):
     n = float(theory.number_density(ETA, 1.0))
     edge = (COUNT / n) ** (1 / 3)
