@@ -100,6 +100,16 @@ def test_sonine_coefficient_of_the_frames_is_that_of_the_velocities_drawn(files,
     assert abs(mean - expected) < 4 * error, f"a₂ = {mean:.4f} ± {error:.4f}, theory {expected:.4f}"
 
 
+def test_block_average_error_is_that_of_the_means_of_blocks():
+    """Means 1, 2, 4 and 9 of four blocks: 4 with the error √(38/3)/√4; a remainder at the start is left out."""
+    series = [100.0, 0.0, 2.0, 1.0, 3.0, 4.0, 4.0, 8.0, 10.0]
+    found = analysis.block_average(series, 4)
+    assert found.mean == 4.0
+    assert found.error == pytest.approx(np.sqrt(38 / 3) / 2, rel=1e-15)
+    weighted = analysis.block_average(series, 4, weights=[1.0, 3.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    assert weighted.mean == pytest.approx((0.5 + 2 + 4 + 9) / 4, rel=1e-15)
+
+
 def test_block_average_error_includes_correlations():
     rng = np.random.default_rng(5)
     white, series = rng.normal(size=200_000), np.zeros(200_000)

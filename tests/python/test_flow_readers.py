@@ -4,6 +4,7 @@ import inspect
 import json
 import warnings
 
+import h5py
 import numpy as np
 import pytest
 
@@ -137,6 +138,27 @@ def test_an_inlet_has_room_for_its_smallest_particle():
     refill = {"refill": True, "box": [[0.0, 14.0], [0.3, 18.0]]}
     with pytest.raises(haff.SceneError, match=r"of radius 0\.3: along x between 0\.3 and 11\.7"):
         haff.validate(RAIN | {"inlet": [RAIN["inlet"][1], refill]})
+
+
+def test_exports_have_the_particles_of_each_frame_by_their_ids(tmp_path):
+    with haff.run(RAIN, file=tmp_path / "a.h5").file as run:
+        assert any(len(frame.id) and frame.id[-1] >= len(frame.id) for frame in run.frames)
+        for name in ("a.extxyz", "a.vtkhdf", "a.gsd"):
+            run.export(tmp_path / name)
+        lines = (tmp_path / "a.extxyz").read_text().splitlines()
+        gsd = pytest.importorskip("gsd.hoomd").open(tmp_path / "a.gsd")
+        with h5py.File(tmp_path / "a.vtkhdf") as vtk, gsd:
+            root = vtk["VTKHDF"]
+            counts, starts = root["NumberOfPoints"][:], root["Steps/PointDataOffsets/id"][:]
+            for k, frame in enumerate(run.frames):
+                count, ids = len(frame.id), frame.id.tolist()
+                head, rows, lines = lines[1], lines[2 : 2 + count], lines[2 + count :]
+                column = head.partition("Properties=")[2].split()[0].split(":")
+                # Names, types and numbers of columns, by threes.
+                place = sum(int(column[n + 2]) for n in range(0, column.index("id"), 3))
+                assert [int(row.split()[place]) for row in rows] == ids
+                assert root["PointData/id"][starts[k] : starts[k] + counts[k]].tolist() == ids
+                assert gsd[k].log["particles/id"].tolist() == ids
 
 
 def test_all_analyses_check_what_they_are_given():
