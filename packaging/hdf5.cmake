@@ -4,4 +4,6 @@
 set(CMAKE_C_FLAGS_RELEASE "-O0 -DNDEBUG -w" CACHE STRING "")
 set(CMAKE_C_FLAGS_MINSIZEREL "-O0 -DNDEBUG -w" CACHE STRING "")
 set(HDF5_ENABLE_ALL_WARNINGS OFF CACHE BOOL "")
-set(CMAKE_PROJECT_INCLUDE "${CMAKE_CURRENT_LIST_DIR}/hdf5-headers.cmake" CACHE STRING "")
+# Plug-ins come from no folder of the build, whose name would be in the library.
+set(H5_DEFAULT_PLUGINDIR "/usr/local/hdf5/lib/plugin" CACHE STRING "")
+set(CMAKE_PROJECT_INCLUDE "${CMAKE_CURRENT_LIST_DIR}/hdf5-project.cmake" CACHE STRING "")
